@@ -1,0 +1,12 @@
+//! A picture in memory.
+
+/// A rendered picture: linear scene-referred RGB, row by row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` linear RGB values; 1 is diffuse white in full light.
+    pub pixels: Vec<[f32; 3]>,
+}

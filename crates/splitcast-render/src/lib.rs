@@ -1,0 +1,5 @@
+//! Pictures of animated meshes: camera, light, tiles, and image and video output.
+
+mod image;
+
+pub use image::Image;

@@ -1,0 +1,14 @@
+//! Animated triangle meshes for Splitcast: where frames come from.
+//!
+//! A [`FrameSource`] yields one [`Frame`] at a time, whether it is read from
+//! files or made by a built-in scene, so that a renderer never holds more
+//! than a few frames in memory.
+//!
+//! This crate knows nothing of trees or rays: positions are `[f32; 3]`,
+//! triangles `[u32; 3]`, colours sRGB bytes.
+
+mod error;
+mod frame;
+
+pub use error::SceneError;
+pub use frame::{Frame, FrameSource};

@@ -1,1 +1,46 @@
-//! x
+//! Ray tracing of animated triangle meshes on the CPU, with kd-trees that
+//! follow the surface area heuristic (SAH).
+//!
+//! Build a [`KdTree`] over borrowed positions and triangles, then ask it for
+//! hits:
+//!
+//! ```
+//! use splitcast::{BuildOptions, KdTree, Mesh, Ray};
+//!
+//! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+//! let triangles = [[0, 1, 2]];
+//! let mesh = Mesh::new(&positions, &triangles)?;
+//! let tree = KdTree::build(mesh, &BuildOptions::default())?;
+//!
+//! let ray = Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -1.0]);
+//! let hit = tree.closest_hit(&ray).expect("the ray points at the triangle");
+//! assert_eq!(hit.triangle, 0);
+//! assert_eq!(hit.t, 1.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A tree never moves a hit: whatever planes a builder chooses, every triangle
+//! stands in every leaf that it overlaps, so only the cost of a ray depends on
+//! them. Trees are immutable and `Send + Sync`; any number of threads may
+//! trace one.
+//!
+//! Builds run on the current rayon thread pool and give the same tree on any
+//! number of threads and on every instruction set.
+
+mod aabb;
+mod build;
+mod error;
+mod kd_tree;
+mod mesh;
+mod ray;
+mod sah;
+mod traverse;
+
+pub use aabb::Aabb;
+pub use build::{BuildOptions, Builder, MAX_DEPTH, NonFinite, ParseBuilderError, Preset};
+pub use error::{BuildError, MeshError, OptionsError};
+pub use kd_tree::{KdTree, Node, NodeKind, NodeVisit};
+pub use mesh::Mesh;
+pub use ray::{Hit, Ray};
+pub use sah::CostModel;
+pub use traverse::TraversalCounts;

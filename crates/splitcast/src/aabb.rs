@@ -1,0 +1,83 @@
+//! Axis-aligned bounding boxes.
+
+/// An axis-aligned box, closed on all sides: `min[axis] <= x <= max[axis]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Lower corner.
+    pub min: [f32; 3],
+    /// Upper corner.
+    pub max: [f32; 3],
+}
+
+impl Aabb {
+    /// The box of nothing: growing it by a point gives that point.
+    pub const EMPTY: Self = Self {
+        min: [f32::INFINITY; 3],
+        max: [f32::NEG_INFINITY; 3],
+    };
+
+    /// The smallest box around `points`, [`Aabb::EMPTY`] for none.
+    pub fn of_points(points: &[[f32; 3]]) -> Self {
+        points.iter().fold(Self::EMPTY, |mut bounds, &point| {
+            bounds.grow(point);
+            bounds
+        })
+    }
+
+    /// Whether no point lies inside.
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|axis| self.min[axis] > self.max[axis])
+    }
+
+    /// Enlarges the box to hold `point`.
+    #[inline]
+    pub fn grow(&mut self, point: [f32; 3]) {
+        for ((min, max), x) in self.min.iter_mut().zip(&mut self.max).zip(point) {
+            *min = min.min(x);
+            *max = max.max(x);
+        }
+    }
+
+    /// The smallest box around both.
+    #[inline]
+    #[must_use]
+    pub fn union(mut self, other: &Self) -> Self {
+        self.grow(other.min);
+        self.grow(other.max);
+        self
+    }
+
+    /// Edge lengths, zero for an empty box.
+    #[inline]
+    pub fn extent(&self) -> [f32; 3] {
+        std::array::from_fn(|axis| (self.max[axis] - self.min[axis]).max(0.0))
+    }
+
+    /// Half the surface area: the SAH only ever takes ratios of areas.
+    #[inline]
+    pub fn half_area(&self) -> f32 {
+        let [x, y, z] = self.extent();
+        x * y + y * z + z * x
+    }
+
+    /// The axis of the longest edge, the first of equals.
+    pub fn longest_axis(&self) -> usize {
+        let [x, y, z] = self.extent();
+        if x >= y && x >= z {
+            0
+        } else if y >= z {
+            1
+        } else {
+            2
+        }
+    }
+
+    /// The two halves that a plane across `axis` at `position` leaves.
+    #[inline]
+    pub fn split(&self, axis: usize, position: f32) -> (Self, Self) {
+        let (mut left, mut right) = (*self, *self);
+        left.max[axis] = position;
+        right.min[axis] = position;
+        (left, right)
+    }
+}

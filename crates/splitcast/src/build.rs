@@ -1,0 +1,173 @@
+//! Building trees: the options all builders share, and the way from a mesh to
+//! a [`KdTree`].
+
+mod binned;
+mod references;
+mod subtree;
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::kd_tree::KdTree;
+use crate::{BuildError, CostModel, Mesh, OptionsError};
+
+pub(crate) use references::Reference;
+pub(crate) use subtree::{NodeWriter, Subtree};
+
+/// The deepest tree that traversal's fixed stack can hold.
+pub const MAX_DEPTH: u32 = 60;
+
+/// Positions farther out than this overflow the ray–triangle test, whose
+/// largest term is a sum of products of three coordinates: 6 · (2e12)³ < 2¹²⁸.
+pub(crate) const MAX_COORDINATE: f32 = 1e12;
+
+/// The algorithm that chooses split planes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Builder {
+    /// Min-max binning over all three axes, in parallel (Shevtsov et al.
+    /// 2007): the fast full rebuild.
+    #[default]
+    Binned,
+}
+
+impl Builder {
+    /// Every builder, fastest first.
+    pub const ALL: &'static [Self] = &[Self::Binned];
+
+    /// The name used on command lines and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Binned => "binned",
+        }
+    }
+}
+
+impl fmt::Display for Builder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A name that no builder has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no builder is called '{name}', expected one of: {}", Builder::ALL.iter().map(|b| b.name()).collect::<Vec<_>>().join(", "))]
+pub struct ParseBuilderError {
+    /// The name that was asked for.
+    pub name: String,
+}
+
+impl FromStr for Builder {
+    type Err = ParseBuilderError;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .iter()
+            .copied()
+            .find(|builder| builder.name() == name)
+            .ok_or_else(|| ParseBuilderError { name: name.into() })
+    }
+}
+
+/// What to do with triangles that have a NaN, infinite or absurdly far corner
+/// (any coordinate beyond ±1e12).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum NonFinite {
+    /// Refuse the mesh and name the first such vertex.
+    #[default]
+    Reject,
+    /// Leave such triangles out and count them in
+    /// [`KdTree::skipped_triangles`].
+    Skip,
+}
+
+/// Ready-made options, from the fastest build to the best tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Preset {
+    /// Large leaves: for meshes that change every frame and are hit by few rays.
+    FastestBuild,
+    /// Least time for build and some million rays together.
+    #[default]
+    Balanced,
+    /// For meshes that are built once and traced for long.
+    BestTree,
+}
+
+/// How to build a tree. Start from a preset and change what matters:
+///
+/// ```
+/// use splitcast::{BuildOptions, Preset};
+/// let options = BuildOptions {
+///     max_depth: Some(20),
+///     ..BuildOptions::preset(Preset::FastestBuild)
+/// };
+/// # assert!(options.validate().is_ok());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BuildOptions {
+    /// The algorithm that chooses split planes.
+    pub builder: Builder,
+    /// What the tree is optimised for.
+    pub cost: CostModel,
+    /// Nodes this deep become leaves (the root has depth 0), at most
+    /// [`MAX_DEPTH`]. `None` stands for `8 + 1.3 · log2(triangles)` (Havran
+    /// 2000), which hardly ever cuts a useful split.
+    pub max_depth: Option<u32>,
+    /// Nodes of this many triangles or fewer become leaves without a search.
+    /// The default of 1 leaves the decision to the cost; higher values build
+    /// faster and trace slower.
+    pub min_split: u32,
+    /// What to do with non-finite vertices.
+    pub non_finite: NonFinite,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self::preset(Preset::default())
+    }
+}
+
+impl BuildOptions {
+    /// The options of a preset.
+    pub fn preset(_preset: Preset) -> Self {
+        Self {
+            builder: Builder::Binned,
+            cost: CostModel::default(),
+            max_depth: None,
+            min_split: 1,
+            non_finite: NonFinite::Reject,
+        }
+    }
+
+    /// Checks every field against its bounds.
+    ///
+    /// # Errors
+    /// [`OptionsError`] names the first field that is out of bounds.
+    pub fn validate(&self) -> Result<(), OptionsError> {
+        self.cost.validate()?;
+        match self.max_depth {
+            Some(value) if value > MAX_DEPTH => Err(OptionsError::MaxDepth { value }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The depth bound for a mesh of `triangles` triangles.
+    fn depth_bound(&self, triangles: usize) -> u32 {
+        self.max_depth.unwrap_or_else(|| {
+            let levels = 8.0 + 1.3 * (triangles.max(1) as f64).log2();
+            (levels as u32).min(MAX_DEPTH)
+        })
+    }
+}
+
+/// Builds a tree over `mesh`; the one entry for every builder.
+pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree<'m>, BuildError> {
+    options.validate()?;
+    let (references, skipped) = references::collect(mesh, options.non_finite)?;
+    let bounds = references::bounds_of(&references);
+    let max_depth = options.depth_bound(references.len());
+    let tree = match options.builder {
+        Builder::Binned => binned::build(references, bounds, max_depth, options),
+    };
+    tree.into_tree(mesh, bounds, options.cost, skipped)
+}

@@ -1,0 +1,102 @@
+//! The pieces a tree is put together from.
+//!
+//! Builders write nodes in depth-first order, left child right after its
+//! parent. Parallel builders write disjoint subtrees on their own and join them
+//! in that same order, so that the result does not depend on the threads.
+
+use crate::kd_tree::{KdTree, MAX_REFERENCES, Node, NodeKind};
+use crate::{Aabb, BuildError, CostModel, Mesh};
+
+/// A finished subtree; child and reference indices count from its own start.
+#[derive(Debug, Default)]
+pub(crate) struct Subtree {
+    nodes: Vec<Node>,
+    references: Vec<u32>,
+}
+
+/// An inner node whose right child has not been written yet.
+#[must_use]
+#[derive(Debug)]
+pub(crate) struct OpenInner {
+    index: usize,
+    axis: usize,
+    position: f32,
+}
+
+/// Writes a subtree node by node, depth first.
+#[derive(Debug, Default)]
+pub(crate) struct NodeWriter {
+    subtree: Subtree,
+}
+
+impl NodeWriter {
+    /// Writes a leaf over `triangles`.
+    pub(crate) fn leaf(&mut self, triangles: impl Iterator<Item = u32>) {
+        let Subtree { nodes, references } = &mut self.subtree;
+        let first = references.len();
+        references.extend(triangles);
+        nodes.push(Node::leaf(first, references.len() - first));
+    }
+
+    /// Starts an inner node; its left child is to be written next.
+    pub(crate) fn open_inner(&mut self, axis: usize, position: f32) -> OpenInner {
+        let index = self.subtree.nodes.len();
+        self.subtree.nodes.push(Node::inner(axis, position, 0));
+        OpenInner {
+            index,
+            axis,
+            position,
+        }
+    }
+
+    /// Says that the left child is complete and the right one comes next.
+    pub(crate) fn begin_right(&mut self, inner: OpenInner) {
+        let right = self.subtree.nodes.len();
+        self.subtree.nodes[inner.index] = Node::inner(inner.axis, inner.position, right);
+    }
+
+    /// Appends a subtree that was written elsewhere.
+    pub(crate) fn append(&mut self, other: &Subtree) {
+        let Subtree { nodes, references } = &mut self.subtree;
+        let (node_base, reference_base) = (nodes.len(), references.len());
+        references.extend_from_slice(&other.references);
+        nodes.extend(other.nodes.iter().map(|node| match node.kind() {
+            NodeKind::Inner {
+                axis,
+                position,
+                right,
+            } => Node::inner(axis, position, right + node_base),
+            NodeKind::Leaf { first, count } => Node::leaf(first + reference_base, count),
+        }));
+    }
+
+    /// The subtree written so far.
+    pub(crate) fn finish(self) -> Subtree {
+        self.subtree
+    }
+}
+
+impl Subtree {
+    /// Makes the whole tree of this subtree.
+    pub(crate) fn into_tree(
+        self,
+        mesh: Mesh<'_>,
+        bounds: Aabb,
+        cost: CostModel,
+        skipped_triangles: usize,
+    ) -> Result<KdTree<'_>, BuildError> {
+        if self.references.len() > MAX_REFERENCES || self.nodes.len() > MAX_REFERENCES {
+            return Err(BuildError::TooManyReferences {
+                limit: MAX_REFERENCES,
+            });
+        }
+        Ok(KdTree::from_parts(
+            mesh,
+            bounds,
+            self.nodes,
+            self.references,
+            cost,
+            skipped_triangles,
+        ))
+    }
+}

@@ -34,6 +34,7 @@ mod kd_tree;
 mod mesh;
 mod ray;
 mod sah;
+mod stats;
 mod traverse;
 
 pub use aabb::Aabb;
@@ -43,4 +44,5 @@ pub use kd_tree::{KdTree, Node, NodeKind, NodeVisit};
 pub use mesh::Mesh;
 pub use ray::{Hit, Ray};
 pub use sah::CostModel;
+pub use stats::TreeStats;
 pub use traverse::TraversalCounts;

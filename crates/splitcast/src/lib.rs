@@ -36,6 +36,7 @@ mod ray;
 mod sah;
 mod stats;
 mod traverse;
+mod validate;
 
 pub use aabb::Aabb;
 pub use build::{BuildOptions, Builder, MAX_DEPTH, NonFinite, ParseBuilderError, Preset};
@@ -46,3 +47,4 @@ pub use ray::{Hit, Ray};
 pub use sah::CostModel;
 pub use stats::TreeStats;
 pub use traverse::TraversalCounts;
+pub use validate::Violation;

@@ -46,5 +46,5 @@ pub use mesh::Mesh;
 pub use ray::{Hit, Ray};
 pub use sah::CostModel;
 pub use stats::TreeStats;
-pub use traverse::TraversalCounts;
+pub use traverse::{TraversalCounts, reference};
 pub use validate::Violation;

@@ -3,6 +3,7 @@
 mod suite;
 
 use proptest::prelude::*;
+use rayon::prelude::*;
 use splitcast::{
     BuildError, BuildOptions, Builder, CostModel, KdTree, Mesh, NonFinite, OptionsError, Ray,
 };
@@ -15,9 +16,9 @@ fn mesh(soup: &Soup) -> Mesh<'_> {
 
 #[test]
 fn every_case_equals_brute_force() {
-    for (name, soup) in cases::all() {
-        check_mesh(&name, &soup.positions, &soup.triangles);
-    }
+    cases::all().par_iter().for_each(|(name, soup)| {
+        check_mesh(name, &soup.positions, &soup.triangles);
+    });
 }
 
 #[test]

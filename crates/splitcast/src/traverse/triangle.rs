@@ -132,11 +132,12 @@ impl ShearedRay {
         if !t.is_finite() || area_normal(corners) == [0.0; 3] {
             return None;
         }
-        let u = (v / determinant) as f32;
+        // Adding 0 makes -0 positive.
+        let u = (v / determinant) as f32 + 0.0;
         Some(Crossing {
             t: t + 0.0,
             u,
-            v: ((w / determinant) as f32).min(1.0 - u),
+            v: ((w / determinant) as f32 + 0.0).min(1.0 - u),
         })
     }
 }
@@ -192,4 +193,63 @@ fn area_normal(corners: &[[f32; 3]; 3]) -> [f64; 3] {
         p[2] * q[0] - p[0] * q[2],
         p[0] * q[1] - p[1] * q[0],
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Integers that double precision holds exactly and whose products it does not.
+    fn whole() -> impl Strategy<Value = i64> {
+        -(1i64 << 53)..(1i64 << 53)
+    }
+
+    proptest! {
+        #[test]
+        fn edge_functions_have_the_right_sign(x in whole(), y in whole(), dx in -2i64..=2, dy in -2i64..=2) {
+            let (other_x, other_y) = (x / 2 + dx, y / 2 + dy);
+            let exact = i128::from(x) * i128::from(other_y) - i128::from(y) * i128::from(other_x);
+            let p = [x as f64, y as f64, 0.0];
+            let q = [other_x as f64, other_y as f64, 0.0];
+            prop_assert_eq!(edge(p, q), exact as f64);
+            prop_assert_eq!(edge(q, p), -exact as f64);
+        }
+
+        #[test]
+        fn filtering_loses_no_hit(
+            corners in prop::array::uniform3(prop::array::uniform3(-1.0f32..1.0)),
+            origin in prop::array::uniform3(-1.0f32..1.0),
+            weights in prop::array::uniform2(0.0f32..=0.5),
+            scale in -40i32..=30,
+            nudge in -3i32..=3,
+        ) {
+            // Towards a point of the triangle, often on its edge, or a few roundings beside it.
+            let factor = 2f32.powi(scale);
+            let corners = corners.map(|c: [f32; 3]| c.map(|x| x * factor));
+            let origin = origin.map(|x| x * factor);
+            let weights = weights.map(|w| (w * 8.0).round() / 8.0);
+            let direction = std::array::from_fn(|k| {
+                let [a, b, c] = corners.map(|corner| corner[k]);
+                let target = a + weights[0] * (b - a) + weights[1] * (c - a);
+                (target - origin[k]) * (1.0 + nudge as f32 * f32::EPSILON * (k as f32 - 1.0))
+            });
+            let ray = Ray::new(origin, direction);
+            let reach = crate::Aabb::of_points(&corners).reach(origin);
+            let filtered = ShearedRay::new(&ray, reach).map(|ray| ray.intersect(&corners));
+            let exact = ShearedRay::new(&ray, f32::INFINITY).map(|ray| ray.intersect(&corners));
+            prop_assert_eq!(filtered, exact);
+        }
+    }
+
+    #[test]
+    fn a_triangle_without_area_has_no_normal() {
+        let corners = [[0.1, 0.7, -3.0], [0.3, 2.1, -9.0], [0.2, 1.4, -6.0f32]];
+        let [a, b, _] = corners;
+        assert_eq!(area_normal(&[a, b, b]), [0.0; 3]);
+        assert_eq!(area_normal(&[a, a, a]), [0.0; 3]);
+        assert_eq!(area_normal(&[[0.0; 3], a, a.map(|x| 2.0 * x)]), [0.0; 3]);
+        assert_ne!(area_normal(&[[0.0, 0.0, 1.0], a, b]), [0.0; 3]);
+    }
 }

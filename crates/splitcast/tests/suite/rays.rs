@@ -14,21 +14,21 @@ pub(crate) fn all_kinds(mesh: Mesh<'_>, count: usize) -> Vec<Ray> {
     }
     let kinds = [
         RaySource::through_space,
-        RaySource::from_inside,
+        RaySource::starting_inside,
         RaySource::along_an_axis,
         RaySource::at_a_vertex,
         RaySource::exactly_at_a_vertex,
         RaySource::at_an_edge,
         RaySource::grazing,
-        RaySource::from_a_surface,
-        RaySource::from_afar,
+        RaySource::starting_on_a_surface,
+        RaySource::starting_afar,
         RaySource::of_odd_length,
     ];
     let plain: Vec<Ray> = (0..count)
         .map(|i| kinds[i % kinds.len()](&mut source))
         .collect();
     for (i, ray) in plain.into_iter().enumerate() {
-        rays.push(if i / kinds.len() % 3 == 0 {
+        rays.push(if (i / kinds.len()).is_multiple_of(3) {
             source.limited(ray)
         } else {
             ray
@@ -108,13 +108,11 @@ impl<'m> RaySource<'m> {
         self.corners()[self.rng.below(3)]
     }
 
+    /// Along an axis, with zeros of either sign on the others.
     fn axis_direction(&mut self) -> [f32; 3] {
-        let mut direction = [0, 1].map(|_| if self.rng.unit() < 0.5 { 0.0 } else { -0.0 });
-        direction.rotate_left(0);
-        let mut result = [direction[0], direction[1], 0.0];
-        result[2] = if self.rng.unit() < 0.5 { 1.0 } else { -1.0 };
-        result.rotate_left(self.rng.below(3));
-        result
+        let mut direction = [0.0, 0.0, 1.0].map(|x| if self.rng.unit() < 0.5 { x } else { -x });
+        direction.rotate_left(self.rng.below(3));
+        direction
     }
 
     fn through_space(&mut self) -> Ray {
@@ -122,7 +120,7 @@ impl<'m> RaySource<'m> {
         Ray::new(origin, towards(origin, target))
     }
 
-    fn from_inside(&mut self) -> Ray {
+    fn starting_inside(&mut self) -> Ray {
         let origin = self.point(1.0);
         Ray::new(origin, self.rng.direction())
     }
@@ -179,7 +177,7 @@ impl<'m> RaySource<'m> {
         ray
     }
 
-    fn from_a_surface(&mut self) -> Ray {
+    fn starting_on_a_surface(&mut self) -> Ray {
         let [a, b, c] = self.corners();
         let origin = match self.rng.below(3) {
             0 => a,
@@ -194,7 +192,7 @@ impl<'m> RaySource<'m> {
         Ray::new(origin, direction)
     }
 
-    fn from_afar(&mut self) -> Ray {
+    fn starting_afar(&mut self) -> Ray {
         let away = self.size() * 10f32.powi(1 + self.rng.below(5) as i32);
         let (target, direction) = (self.vertex(), self.rng.direction());
         let origin = std::array::from_fn(|axis| target[axis] - away * direction[axis]);

@@ -2,6 +2,9 @@
 //! a [`KdTree`].
 
 mod binned;
+mod binned_subtree;
+mod distribute;
+mod plane_search;
 mod references;
 mod subtree;
 
@@ -11,7 +14,7 @@ use std::str::FromStr;
 use crate::kd_tree::KdTree;
 use crate::{BuildError, CostModel, Mesh, OptionsError};
 
-pub(crate) use references::Reference;
+pub(crate) use references::{Reference, Triangles};
 pub(crate) use subtree::{NodeWriter, Subtree};
 
 /// The deepest tree that traversal's fixed stack can hold.
@@ -163,11 +166,10 @@ impl BuildOptions {
 /// Builds a tree over `mesh`; the one entry for every builder.
 pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree<'m>, BuildError> {
     options.validate()?;
-    let (references, skipped) = references::collect(mesh, options.non_finite)?;
-    let bounds = references::bounds_of(&references);
-    let max_depth = options.depth_bound(references.len());
-    let tree = match options.builder {
-        Builder::Binned => binned::build(references, bounds, max_depth, options),
+    let triangles = Triangles::of(mesh, options.non_finite)?;
+    let max_depth = options.depth_bound(triangles.len());
+    let (subtree, bounds) = match options.builder {
+        Builder::Binned => binned::build(&triangles, max_depth, options),
     };
-    tree.into_tree(mesh, bounds, options.cost, skipped)
+    subtree.into_tree(mesh, bounds, options.cost, triangles.skipped())
 }

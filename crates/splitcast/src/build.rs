@@ -2,8 +2,10 @@
 //! a [`KdTree`].
 
 mod binned;
+mod clip;
 mod references;
 mod subtree;
+mod sweep;
 
 use std::fmt;
 use std::str::FromStr;
@@ -29,16 +31,20 @@ pub enum Builder {
     /// 2007): the fast full rebuild.
     #[default]
     Binned,
+    /// Exact SAH over all planes, with triangles clipped to cells (Wald &
+    /// Havran 2006): the reference for quality.
+    Sweep,
 }
 
 impl Builder {
     /// Every builder, fastest first.
-    pub const ALL: &'static [Self] = &[Self::Binned];
+    pub const ALL: &'static [Self] = &[Self::Binned, Self::Sweep];
 
     /// The name used on command lines and in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Binned => "binned",
+            Self::Sweep => "sweep",
         }
     }
 }
@@ -168,6 +174,7 @@ pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree
     let max_depth = options.depth_bound(references.len());
     let tree = match options.builder {
         Builder::Binned => binned::build(references, bounds, max_depth, options),
+        Builder::Sweep => sweep::build(mesh, &references, bounds, max_depth, options),
     };
     tree.into_tree(mesh, bounds, options.cost, skipped)
 }

@@ -3,10 +3,12 @@
 
 mod binned;
 mod binned_subtree;
+mod clip;
 mod distribute;
 mod plane_search;
 mod references;
 mod subtree;
+mod sweep;
 
 use std::fmt;
 use std::str::FromStr;
@@ -32,16 +34,20 @@ pub enum Builder {
     /// 2007): the fast full rebuild.
     #[default]
     Binned,
+    /// Exact SAH over all planes, with triangles clipped to cells (Wald &
+    /// Havran 2006): the reference for quality.
+    Sweep,
 }
 
 impl Builder {
     /// Every builder, fastest first.
-    pub const ALL: &'static [Self] = &[Self::Binned];
+    pub const ALL: &'static [Self] = &[Self::Binned, Self::Sweep];
 
     /// The name used on command lines and in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Binned => "binned",
+            Self::Sweep => "sweep",
         }
     }
 }
@@ -170,6 +176,7 @@ pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree
     let max_depth = options.depth_bound(triangles.len());
     let (subtree, bounds) = match options.builder {
         Builder::Binned => binned::build(&triangles, max_depth, options),
+        Builder::Sweep => sweep::build(&triangles, max_depth, options),
     };
     subtree.into_tree(mesh, bounds, options.cost, triangles.skipped())
 }

@@ -60,15 +60,6 @@ impl Reference {
         }
     }
 
-    pub(crate) fn new(bounds: Aabb, triangle: u32) -> Self {
-        Self {
-            min: bounds.min,
-            triangle,
-            max: bounds.max,
-            _padding: 0,
-        }
-    }
-
     pub(crate) fn bounds(&self) -> Aabb {
         Aabb {
             min: self.min,
@@ -112,6 +103,10 @@ impl<'m> Triangles<'m> {
             mesh,
             usable: Some(usable),
         })
+    }
+
+    pub(crate) fn mesh(&self) -> Mesh<'m> {
+        self.mesh
     }
 
     pub(crate) fn len(&self) -> usize {

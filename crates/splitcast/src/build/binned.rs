@@ -44,6 +44,7 @@ pub(super) fn build(
         let bounds = bounds_of(&references);
         let subtree = dispatch(BinnedSubtree {
             references: &mut references,
+            mesh: triangles.mesh(),
             cell: bounds,
             levels: max_depth,
             weight: 1,
@@ -56,6 +57,7 @@ pub(super) fn build(
     let top = dispatch(BinnedSubtree {
         cell: bounds_of(&sample),
         references: &mut sample,
+        mesh: triangles.mesh(),
         levels: max_depth,
         weight: SAMPLE_STRIDE as u32,
         min_split: min_split.max(BUCKET / SAMPLE_STRIDE),
@@ -71,6 +73,7 @@ pub(super) fn build(
             buckets.gather(bucket, scratch);
             dispatch(BinnedSubtree {
                 references: scratch,
+                mesh: triangles.mesh(),
                 cell,
                 levels: max_depth - depth,
                 weight: 1,

@@ -44,4 +44,5 @@ pub use kd_tree::{KdTree, Node, NodeKind, NodeVisit};
 pub use mesh::Mesh;
 pub use ray::{Hit, Ray};
 pub use sah::CostModel;
+pub use simd::{SimdError, SimdLevel, force_simd};
 pub use traverse::TraversalCounts;

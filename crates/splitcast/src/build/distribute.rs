@@ -264,3 +264,91 @@ fn enter(nodes: &[Node], bounds: &Aabb) -> usize {
     }
     node
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Mesh;
+    use crate::build::clip::clipped_bounds;
+    use crate::build::references::bounds_of;
+    use crate::build::{NodeWriter, NonFinite};
+
+    /// Every bucket gets the triangles that reach into its cell, once, in order,
+    /// also when a group is cut by every plane and when it is cut by none.
+    #[test]
+    fn buckets_hold_what_overlaps_their_cells() {
+        let mut seed = 1_u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut positions = Vec::new();
+        for triangle in 0..3000 {
+            // First a soup of triangles all over the place, then small ones in order of place.
+            let size = if triangle < 500 { 1.0 } else { 0.02 };
+            let place = [triangle as f32 / 3000.0, random(), 0.5];
+            for _ in 0..3 {
+                positions.push(place.map(|x| x + size * (random() - 0.5)));
+            }
+        }
+        let triangles: Vec<[u32; 3]> = (0..3000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let mesh = Mesh::new(&positions, &triangles).expect("indices are in range");
+        let triangles = Triangles::of(mesh, NonFinite::Reject).expect("all are finite");
+
+        let mut writer = NodeWriter::default();
+        let mut cells = Vec::new();
+        write_grid(
+            &mut writer,
+            &mut cells,
+            Aabb {
+                min: [-1.0; 3],
+                max: [2.0; 3],
+            },
+            7,
+        );
+        let top = writer.finish();
+        let buckets = distribute(&triangles, &top);
+
+        assert_eq!(buckets.bounds(), bounds_of(&triangles.references()));
+        for (bucket, cell) in cells.iter().enumerate() {
+            let mut gathered = Vec::new();
+            buckets.gather(bucket, &mut gathered);
+            let members: Vec<u32> = gathered.iter().map(|r| r.triangle).collect();
+            let mut sorted = members.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(
+                sorted.len(),
+                members.len(),
+                "a triangle twice in one bucket"
+            );
+            for triangle in 0..3000 {
+                if let Some(part) = clipped_bounds(&mesh.corners(triangle), cell) {
+                    let touching = (0..3).any(|k| {
+                        part.min[k] >= cell.max[k] - 1e-6 || part.max[k] <= cell.min[k] + 1e-6
+                    });
+                    assert!(
+                        touching || sorted.binary_search(&triangle).is_ok(),
+                        "{triangle} is missing in {bucket}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// Halves the cell `levels` times, on one axis after the other.
+    fn write_grid(writer: &mut NodeWriter, cells: &mut Vec<Aabb>, cell: Aabb, levels: usize) {
+        if levels == 0 {
+            writer.leaf(std::iter::empty());
+            cells.push(cell);
+            return;
+        }
+        let axis = levels % 3;
+        let position = 0.5 * (cell.min[axis] + cell.max[axis]);
+        let (left, right) = cell.split(axis, position);
+        let inner = writer.open_inner(axis, position);
+        write_grid(writer, cells, left, levels - 1);
+        writer.begin_right(inner);
+        write_grid(writer, cells, right, levels - 1);
+    }
+}

@@ -195,7 +195,140 @@ fn cheapest<S: Simd>(
         let positions: [f32; PLANES] = planes[axis].into();
         SplitCandidate {
             axis,
-            position: positions[best],
+            // Never -0, which instruction sets treat differently when they look for minima.
+            position: positions[best] + 0.0,
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::simd::{Kernel, dispatch};
+
+    struct Search<'a>(&'a [Reference], Aabb, CostModel);
+
+    impl Kernel for Search<'_> {
+        type Output = Option<SplitCandidate>;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Self::Output {
+            find_split(simd, self.0, &self.1, &self.2, 1)
+        }
+    }
+
+    /// What a split costs by the scalar formula and a count of every reference.
+    fn cost_of(
+        split: SplitCandidate,
+        references: &[Reference],
+        cell: &Aabb,
+        cost: &CostModel,
+    ) -> f32 {
+        let SplitCandidate { axis, position } = split;
+        let left = references.iter().filter(|r| r.min[axis] < position).count();
+        let right = references.iter().filter(|r| r.max[axis] > position).count();
+        let (left_cell, right_cell) = cell.split(axis, position);
+        cost.split(
+            (left_cell.half_area() / cell.half_area(), left as u32),
+            (right_cell.half_area() / cell.half_area(), right as u32),
+        )
+    }
+
+    fn references() -> impl Strategy<Value = Vec<Reference>> {
+        let coordinate = || prop_oneof![(0..=8).prop_map(|x| x as f32 / 8.0), 0.0_f32..1.0];
+        let corners = prop::array::uniform3(prop::array::uniform3(coordinate()));
+        prop::collection::vec(corners, 1..200).prop_map(|triangles| {
+            (0..)
+                .zip(triangles)
+                .map(|(index, corners)| Reference::of_triangle(corners, index))
+                .collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn no_candidate_is_cheaper(
+            references in references(),
+            intersection in prop_oneof![Just(0.3_f32), Just(1.0), Just(4.0)],
+            leaf_width in prop_oneof![Just(1_u32), Just(8)],
+            empty_bonus in prop_oneof![Just(0.0_f32), Just(0.3)],
+        ) {
+            let cost = CostModel { traversal: 1.0, intersection, leaf_width, empty_bonus };
+            let cell = Aabb { min: [-0.25, 0.0, 0.25], max: [1.0, 1.5, 0.75] };
+            let leaf_cost = cost.leaf(references.len() as u32);
+            let content = Aabb {
+                min: [0, 1, 2].map(|k| references.iter().map(|r| r.min[k]).fold(9.0, f32::min).max(cell.min[k])),
+                max: [0, 1, 2].map(|k| references.iter().map(|r| r.max[k]).fold(-9.0, f32::max).min(cell.max[k])),
+            };
+            let cheapest = (0..3)
+                .flat_map(|axis| PLACES.map(|place| (axis, place)))
+                .map(|(axis, place)| SplitCandidate {
+                    axis,
+                    position: if place == 1.0 {
+                        content.max[axis]
+                    } else {
+                        place * (content.max[axis] - content.min[axis]) + content.min[axis]
+                    },
+                })
+                .filter(|s| s.position > cell.min[s.axis] && s.position < cell.max[s.axis])
+                .map(|split| cost_of(split, &references, &cell, &cost))
+                .fold(leaf_cost, f32::min);
+            let found = dispatch(Search(&references, cell, cost));
+            let found_cost = found.map_or(leaf_cost, |split| cost_of(split, &references, &cell, &cost));
+            prop_assert!((found_cost - cheapest).abs() <= 1e-5 * cheapest, "{found_cost} {cheapest} {found:?}");
+            if let Some(split) = found {
+                prop_assert!(split.position > cell.min[split.axis] && split.position < cell.max[split.axis]);
+            }
+        }
+    }
+
+    #[test]
+    fn empty_space_is_cut_off_at_the_content() {
+        let references = [Reference::of_triangle(
+            [[0.9, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0]],
+            0,
+        )];
+        let cell = Aabb {
+            min: [0.0; 3],
+            max: [1.0; 3],
+        };
+        let cost = CostModel {
+            intersection: 10.0,
+            ..CostModel::default()
+        };
+        let split = dispatch(Search(&references, cell, cost));
+        assert_eq!(
+            split,
+            Some(SplitCandidate {
+                axis: 0,
+                position: 0.9
+            })
+        );
+    }
+
+    #[test]
+    fn nothing_divides_a_flat_cell_across() {
+        let corners = [[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [0.0, 1.0, 0.5]];
+        let references: Vec<_> = (0..100)
+            .map(|index| Reference::of_triangle(corners, index))
+            .collect();
+        let cell = Aabb {
+            min: [0.0, 0.0, 0.5],
+            max: [1.0, 1.0, 0.5],
+        };
+        assert_eq!(
+            dispatch(Search(&references, cell, CostModel::default())),
+            None
+        );
+        let point = Aabb {
+            min: [0.5; 3],
+            max: [0.5; 3],
+        };
+        assert_eq!(
+            dispatch(Search(&references, point, CostModel::default())),
+            None
+        );
+    }
 }

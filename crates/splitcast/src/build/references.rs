@@ -46,7 +46,7 @@ impl Reference {
 
     /// The box of a triangle.
     #[inline(always)]
-    fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
+    pub(crate) fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
         Self {
             min: [
                 a[0].min(b[0]).min(c[0]),
@@ -185,9 +185,10 @@ pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aab
     }
     let [a, b, c, _]: [f32; 4] = min.into();
     let [d, e, f, _]: [f32; 4] = max.into();
+    // Adding 0 turns -0 into 0: which of the two a minimum gives depends on the instruction set.
     Aabb {
-        min: [a, b, c],
-        max: [d, e, f],
+        min: [a + 0.0, b + 0.0, c + 0.0],
+        max: [d + 0.0, e + 0.0, f + 0.0],
     }
 }
 

@@ -195,3 +195,111 @@ impl<S: Simd> Cut<S> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::build::clip::clipped_bounds;
+    use crate::simd::{Kernel, dispatch};
+
+    struct Divide<'a, 'm>(&'a [Reference], Mesh<'m>, usize, f32);
+
+    impl Kernel for Divide<'_, '_> {
+        type Output = Vec<(Reference, Reference)>;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Self::Output {
+            let mut parts = Vec::new();
+            let Self(straddlers, mesh, axis, position) = self;
+            divide(simd, straddlers, mesh, axis, position, |left, right| {
+                parts.push((left, right));
+            });
+            parts
+        }
+    }
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![(-8..=8).prop_map(|x| x as f32 / 8.0), -1.0_f32..1.0]
+    }
+
+    fn corners() -> impl Strategy<Value = [[f32; 3]; 3]> {
+        prop::array::uniform3(prop::array::uniform3(coordinate()))
+    }
+
+    fn holds(outer: &Reference, inner: &crate::Aabb) -> bool {
+        (0..3).all(|k| outer.min[k] <= inner.min[k] && outer.max[k] >= inner.max[k])
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(500))]
+
+        /// A sequence of planes, against clipping to the cell they leave.
+        #[test]
+        fn parts_hold_the_triangle_and_shrink(
+            triangles in prop::collection::vec(corners(), 1..20),
+            planes in prop::collection::vec((0_usize..3, coordinate(), any::<bool>()), 1..6),
+            offset in prop_oneof![Just(0.0_f32), Just(1000.0)],
+        ) {
+            let positions: Vec<[f32; 3]> = triangles.iter().flatten().map(|p| p.map(|x| x + offset)).collect();
+            let indices: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+            let mesh = Mesh::new(&positions, &indices).unwrap();
+            let mut cell = crate::Aabb { min: [-2.0 + offset; 3], max: [2.0 + offset; 3] };
+            let mut references: Vec<Reference> = (0..triangles.len() as u32)
+                .map(|t| Reference::of_triangle(mesh.corners(t), t))
+                .collect();
+            for (axis, position, keep_left) in planes {
+                let position = position + offset;
+                if position <= cell.min[axis] || position >= cell.max[axis] {
+                    continue;
+                }
+                let (left_cell, right_cell) = cell.split(axis, position);
+                cell = if keep_left { left_cell } else { right_cell };
+                let (mut behind, mut straddlers) = (references.clone(), references.clone());
+                let mut own = references.clone();
+                let sorted = sort_by_side(&mut own, &mut behind, &mut straddlers, |r| (r.min[axis], r.max[axis]), position);
+                prop_assert_eq!(sorted.left + sorted.right + sorted.straddling, references.len());
+                let parts = dispatch(Divide(&straddlers[..sorted.straddling], mesh, axis, position));
+                let mut next = if keep_left { behind[..sorted.left].to_vec() } else { own[..sorted.right].to_vec() };
+                for (whole, (left, right)) in straddlers.iter().zip(parts) {
+                    for part in [left, right] {
+                        prop_assert!(part.is_empty() || holds(whole, &part.bounds()));
+                    }
+                    let part = if keep_left { left } else { right };
+                    if !part.is_empty() {
+                        next.push(part);
+                    }
+                }
+                references = next;
+                for triangle in 0..triangles.len() as u32 {
+                    // In double precision and a hair smaller than the cell, so that touching does not count.
+                    let inner = crate::Aabb {
+                        min: cell.min.map(|x| x + 1e-6 + offset * 1e-6),
+                        max: cell.max.map(|x| x - 1e-6 - offset * 1e-6),
+                    };
+                    if inner.is_empty() {
+                        continue;
+                    }
+                    if let Some(exact) = clipped_bounds(&mesh.corners(triangle), &inner) {
+                        let found = references.iter().find(|r| r.triangle == triangle);
+                        prop_assert!(found.is_some_and(|r| holds(r, &exact)), "{triangle} {exact:?} {found:?}");
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn sorting_keeps_the_order(extents in prop::collection::vec((coordinate(), coordinate()), 0..100), position in coordinate()) {
+            let members: Vec<(f32, f32)> = extents.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
+            let (mut own, mut behind, mut straddlers) = (members.clone(), members.clone(), members.clone());
+            let sorted = sort_by_side(&mut own, &mut behind, &mut straddlers, |&member| member, position);
+            let of = |filter: &dyn Fn(f32, f32) -> bool| -> Vec<(f32, f32)> {
+                members.iter().copied().filter(|&(a, b)| filter(a, b)).collect()
+            };
+            prop_assert_eq!(&behind[..sorted.left], of(&|_, max| max <= position));
+            prop_assert_eq!(&own[..sorted.right], of(&|min, max| max > position && min >= position));
+            prop_assert_eq!(&straddlers[..sorted.straddling], of(&|min, max| max > position && min < position));
+        }
+    }
+}

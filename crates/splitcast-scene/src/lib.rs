@@ -7,8 +7,13 @@
 //! This crate knows nothing of trees or rays: positions are `[f32; 3]`,
 //! triangles `[u32; 3]`, colours sRGB bytes.
 
+mod atomic;
 mod error;
 mod frame;
+mod ply;
+mod polygon;
 
-pub use error::SceneError;
+pub use atomic::write_atomically;
+pub use error::{Place, SceneError};
 pub use frame::{Frame, FrameSource};
+pub use ply::{read_ply, write_ply};

@@ -9,11 +9,21 @@
 
 mod atomic;
 mod error;
+mod export;
 mod frame;
+mod info;
+mod obj;
 mod ply;
 mod polygon;
+mod prefetch;
+mod sequence;
 
 pub use atomic::write_atomically;
 pub use error::{Place, SceneError};
+pub use export::export;
 pub use frame::{Frame, FrameSource};
+pub use info::{Bounds, FrameInfo, Motion, SequenceInfo};
+pub use obj::read_obj;
 pub use ply::{read_ply, write_ply};
+pub use prefetch::Prefetch;
+pub use sequence::{MeshSequence, SequenceWarning, read_mesh};

@@ -14,6 +14,16 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    /// The least box around all finite positions, if there are any.
+    pub fn around(positions: &[[f32; 3]]) -> Option<Bounds> {
+        let finite = positions.iter().filter(|position| is_finite(position));
+        let points = finite.map(|&position| Bounds {
+            min: position,
+            max: position,
+        });
+        points.reduce(|a, b| a.union(&b))
+    }
+
     /// Length of the diagonal.
     pub fn diagonal(&self) -> f64 {
         distance(self.min, self.max)
@@ -28,11 +38,12 @@ impl Bounds {
     }
 }
 
-/// How far the vertices went from one frame to the next, as fractions of the
-/// diagonal of the box around the whole motion.
+/// How far the vertices went since the frame before, as fractions of the
+/// diagonal of the box around that frame: relative to the size of what moves,
+/// not of the way it goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Mean over the vertices.
+    /// Mean over the vertices; 0 where the frame before has no size.
     pub mean_step: f64,
     /// The longest step of any vertex.
     pub max_step: f64,
@@ -97,13 +108,6 @@ impl SequenceInfo {
             info.add(index, previous.as_ref(), &frame);
             previous = Some(frame);
         }
-        // Only now is the whole motion's size known.
-        let diagonal = info.bounds.map_or(0.0, |bounds| bounds.diagonal());
-        let scale = if diagonal > 0.0 { 1.0 / diagonal } else { 0.0 };
-        for motion in info.frames.iter_mut().filter_map(|f| f.motion.as_mut()) {
-            motion.mean_step *= scale;
-            motion.max_step *= scale;
-        }
         Ok(info)
     }
 
@@ -136,7 +140,6 @@ impl SequenceInfo {
         })
     }
 
-    /// Takes a frame in, with its motion in the units of the source.
     fn add(&mut self, index: usize, previous: Option<&Frame>, frame: &Frame) {
         let same = previous.map(|previous| {
             previous.positions.len() == frame.positions.len()
@@ -146,11 +149,11 @@ impl SequenceInfo {
         if same == Some(false) {
             self.topology_changes.push(index);
         }
-        for position in frame.positions.iter().filter(|p| is_finite(p)) {
-            let (min, max) = (*position, *position);
-            let point = Bounds { min, max };
-            self.bounds = Some(self.bounds.map_or(point, |bounds| bounds.union(&point)));
-        }
+        let bounds = Bounds::around(&frame.positions);
+        self.bounds = match (self.bounds, bounds) {
+            (Some(known), Some(new)) => Some(known.union(&new)),
+            (known, new) => known.or(new),
+        };
         self.has_normals &= frame.normals.is_some();
         self.has_colors &= frame.colors.is_some();
         self.frames.push(FrameInfo {
@@ -174,9 +177,16 @@ fn motion_between(before: &[[f32; 3]], after: &[[f32; 3]]) -> Motion {
         count += 1;
         max_step = max_step.max(step);
     }
+    let diagonal = Bounds::around(before).map_or(0.0, |bounds| bounds.diagonal());
+    if count == 0 || diagonal == 0.0 {
+        return Motion {
+            mean_step: 0.0,
+            max_step: 0.0,
+        };
+    }
     Motion {
-        mean_step: if count > 0 { sum / count as f64 } else { 0.0 },
-        max_step,
+        mean_step: sum / count as f64 / diagonal,
+        max_step: max_step / diagonal,
     }
 }
 
@@ -222,14 +232,14 @@ mod tests {
     }
 
     #[test]
-    fn motion_is_relative_to_the_whole_box_and_stops_at_changes() {
+    fn motion_is_relative_to_the_frame_before_and_stops_at_changes() {
         let t = [[0, 1, 2]];
         let (a, b, c) = ([0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]);
         let nan = [f32::NAN, 0.0, 0.0];
         let info = SequenceInfo::measure(&mut Given(vec![
-            frame(&[a, a, b], &t),
-            frame(&[a, b, b], &t),
-            frame(&[a, b, nan], &t),
+            frame(&[c, a, b], &t),
+            frame(&[c, b, b], &t),
+            frame(&[c, b, nan], &t),
             frame(&[a, b, c], &[[2, 1, 0]]),
             frame(&[a, b, c, c], &t),
         ]))

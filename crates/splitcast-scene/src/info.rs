@@ -39,11 +39,11 @@ impl Bounds {
 }
 
 /// How far the vertices went since the frame before, as fractions of the
-/// diagonal of the box around that frame: relative to the size of what moves,
-/// not of the way it goes.
+/// diagonal of the box around the first frame: relative to the size of what
+/// moves rather than of the way it goes, and by one measure for all frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Mean over the vertices; 0 where the frame before has no size.
+    /// Mean over the vertices; 0 where the first frame has no size.
     pub mean_step: f64,
     /// The longest step of any vertex.
     pub max_step: f64,
@@ -103,9 +103,13 @@ impl SequenceInfo {
             has_colors: true,
         };
         let mut previous: Option<Frame> = None;
+        let mut unit = 0.0;
         for index in 0..source.frame_count() {
             let frame = source.frame(index)?;
-            info.add(index, previous.as_ref(), &frame);
+            if index == 0 {
+                unit = Bounds::around(&frame.positions).map_or(0.0, |bounds| bounds.diagonal());
+            }
+            info.add(index, previous.as_ref(), &frame, unit);
             previous = Some(frame);
         }
         Ok(info)
@@ -140,7 +144,7 @@ impl SequenceInfo {
         })
     }
 
-    fn add(&mut self, index: usize, previous: Option<&Frame>, frame: &Frame) {
+    fn add(&mut self, index: usize, previous: Option<&Frame>, frame: &Frame, unit: f64) {
         let same = previous.map(|previous| {
             previous.positions.len() == frame.positions.len()
                 && (Arc::ptr_eq(&previous.triangles, &frame.triangles)
@@ -162,12 +166,13 @@ impl SequenceInfo {
             non_finite: frame.positions.iter().filter(|p| !is_finite(p)).count(),
             motion: previous
                 .filter(|_| same == Some(true))
-                .map(|previous| motion_between(&previous.positions, &frame.positions)),
+                .map(|previous| motion_between(&previous.positions, &frame.positions, unit)),
         });
     }
 }
 
-fn motion_between(before: &[[f32; 3]], after: &[[f32; 3]]) -> Motion {
+/// Steps between corresponding vertices, in parts of `unit`.
+fn motion_between(before: &[[f32; 3]], after: &[[f32; 3]], unit: f64) -> Motion {
     let pairs = before.iter().zip(after);
     let finite = pairs.filter(|(a, b)| is_finite(a) && is_finite(b));
     let (mut sum, mut count, mut max_step) = (0.0, 0_u64, 0.0_f64);
@@ -177,16 +182,15 @@ fn motion_between(before: &[[f32; 3]], after: &[[f32; 3]]) -> Motion {
         count += 1;
         max_step = max_step.max(step);
     }
-    let diagonal = Bounds::around(before).map_or(0.0, |bounds| bounds.diagonal());
-    if count == 0 || diagonal == 0.0 {
+    if count == 0 || unit == 0.0 {
         return Motion {
             mean_step: 0.0,
             max_step: 0.0,
         };
     }
     Motion {
-        mean_step: sum / count as f64 / diagonal,
-        max_step: max_step / diagonal,
+        mean_step: sum / count as f64 / unit,
+        max_step: max_step / unit,
     }
 }
 
@@ -232,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_is_relative_to_the_frame_before_and_stops_at_changes() {
+    fn motion_is_relative_to_the_first_frame_and_stops_at_changes() {
         let t = [[0, 1, 2]];
         let (a, b, c) = ([0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]);
         let nan = [f32::NAN, 0.0, 0.0];

@@ -21,13 +21,23 @@ const ROWS: u32 = 501;
 const ROUNDS: usize = 41;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let plain = grid();
+    measure("positions and triangles", &plain)?;
+    let attributes = Frame {
+        normals: Some(vec![[0.0, 1.0, 0.0]; plain.positions.len()]),
+        colors: Some(Arc::new(vec![[200, 180, 40]; plain.positions.len()])),
+        ..plain
+    };
+    measure("with normals and colours", &attributes)
+}
+
+fn measure(what: &str, frame: &Frame) -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("grid.ply");
-    let frame = grid();
-    write_ply(&path, &frame)?;
+    write_ply(&path, frame)?;
     let bytes = std::fs::read(&path)?;
     println!(
-        "{} vertices, {} triangles, {:.1} MB; medians of {ROUNDS} rounds",
+        "{what}: {} vertices, {} triangles, {:.1} MB; medians of {ROUNDS} rounds",
         frame.positions.len(),
         frame.triangles.len(),
         bytes.len() as f64 / 1e6
@@ -35,7 +45,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let loaded = read_ply(&path)?;
     assert_eq!(loaded.positions, frame.positions);
     assert_eq!(loaded.triangles, frame.triangles);
-    drop((frame, loaded));
+    assert_eq!(loaded.normals, frame.normals);
+    assert_eq!(loaded.colors, frame.colors);
+    drop(loaded);
 
     let mut times = [const { Vec::new() }; 3];
     for _ in 0..ROUNDS {
@@ -50,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("read_ply", load),
     ] {
         println!(
-            "{name:<12} {:>7.2} ms  {:>5.2} GB/s  {:>5.2} x memory copy",
+            "  {name:<12} {:>7.2} ms  {:>5.2} GB/s  {:>5.2} x memory copy",
             median.as_secs_f64() * 1e3,
             bytes.len() as f64 / median.as_secs_f64() / 1e9,
             median.as_secs_f64() / copy.as_secs_f64()

@@ -42,7 +42,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum SceneError {
     /// A frame index past the end of the sequence.
-    #[error("frame {index} is out of range: {name} has {count} frames, 0 to {}", count - 1)]
+    #[error("frame {index} is out of range: {name} has {count} frames, 0 to {}", count.saturating_sub(1))]
     FrameOutOfRange {
         /// Name of the source.
         name: String,

@@ -98,8 +98,8 @@ pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), SceneError> {
         path: path.to_path_buf(),
         source,
     };
-    let file = File::open(path).map_err(io)?;
-    let metadata = file.metadata().map_err(io)?;
+    // Asked first: opening a named pipe would wait for a writer.
+    let metadata = std::fs::metadata(path).map_err(io)?;
     if !metadata.is_file() {
         let reason = "not a regular file; expected a mesh file";
         return Err(io(io::Error::new(io::ErrorKind::InvalidInput, reason)));
@@ -109,6 +109,7 @@ pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), SceneError> {
             path: path.to_path_buf(),
         });
     }
+    let file = File::open(path).map_err(io)?;
     Ok((file, metadata.len()))
 }
 

@@ -9,7 +9,7 @@
 use std::io::{BufRead, Read};
 
 use super::header::{Format, Header, Scalar};
-use super::layout::{Columns, FaceLayout, VertexLayout, Vertices};
+use super::layout::{Column, Columns, FaceLayout, VertexLayout, Vertices};
 use super::records::{Fault, Records, Source, Value};
 use crate::Place;
 
@@ -132,11 +132,7 @@ impl Records for Binary<'_, '_> {
             read_points(run, stride, columns, big, &mut vertices.normals);
         }
         if let Some(columns) = &layout.color {
-            vertices
-                .colors
-                .extend(run.chunks_exact(stride).map(|record| {
-                    columns.map(|c| decode(&record[c.offset..], c.scalar, big).to_color(c.scalar))
-                }));
+            read_colors(run, stride, columns, big, &mut vertices.colors);
         }
         self.consume(count * stride);
         Ok(count as u64)
@@ -232,9 +228,36 @@ fn read_points(
     match (adjacent, big_endian) {
         (true, false) => read_adjacent::<false>(run, stride, first, out),
         (true, true) => read_adjacent::<true>(run, stride, first, out),
-        (false, _) => out.extend(run.chunks_exact(stride).map(|record| {
-            columns.map(|c| decode(&record[c.offset..], c.scalar, big_endian).to_f32())
-        })),
+        (false, _) => {
+            let [x, y, z] = *columns;
+            let read = |record: &[u8], column: Column| {
+                decode(&record[column.offset..], column.scalar, big_endian).to_f32()
+            };
+            out.extend(
+                run.chunks_exact(stride)
+                    .map(|r| [read(r, x), read(r, y), read(r, z)]),
+            );
+        }
+    }
+}
+
+/// Appends the colours of a run of records.
+fn read_colors(
+    run: &[u8],
+    stride: usize,
+    columns: &Columns,
+    big_endian: bool,
+    out: &mut Vec<[u8; 3]>,
+) {
+    let [r, g, b] = *columns;
+    let records = run.chunks_exact(stride);
+    if columns.iter().all(|column| column.scalar == Scalar::U8) {
+        out.extend(records.map(|record| [record[r.offset], record[g.offset], record[b.offset]]));
+    } else {
+        let read = |record: &[u8], column: Column| {
+            decode(&record[column.offset..], column.scalar, big_endian).to_color(column.scalar)
+        };
+        out.extend(records.map(|record| [read(record, r), read(record, g), read(record, b)]));
     }
 }
 
@@ -312,6 +335,6 @@ fn words<const BIG_ENDIAN: bool>(bytes: &[u8]) -> [u32; 3] {
             u32::from_le_bytes(word)
         }
     };
-    // Spelled out: `array::map` leaves a call per record here.
+    // Spelled out, here and below: `array::map` leaves a call for each record.
     [word(0), word(4), word(8)]
 }

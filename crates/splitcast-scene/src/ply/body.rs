@@ -133,14 +133,12 @@ pub(super) struct Spot<'a> {
 pub(crate) fn normalize(normals: &mut [[f32; 3]]) {
     const ROUNDING: f64 = 1e-4;
     for normal in normals {
-        let length = normal
-            .map(f64::from)
-            .iter()
-            .map(|c| c * c)
-            .sum::<f64>()
-            .sqrt();
-        if length > 0.0 && length.is_finite() && (length - 1.0).abs() > ROUNDING {
-            *normal = normal.map(|c| (f64::from(c) / length) as f32);
+        let [x, y, z] = normal.map(f64::from);
+        let square = x * x + y * y + z * z;
+        let is_unit = (square - 1.0).abs() <= 2.0 * ROUNDING;
+        if !is_unit && square > 0.0 && square.is_finite() {
+            let length = square.sqrt();
+            *normal = [x, y, z].map(|c| (c / length) as f32);
         }
     }
 }

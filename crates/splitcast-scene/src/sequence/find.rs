@@ -1,6 +1,7 @@
 //! From an input to a list of mesh files in order.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use super::{MeshFormat, SequenceWarning};
@@ -34,7 +35,7 @@ pub(super) fn find(input: &Path) -> Result<Found, SceneError> {
 fn in_folder(folder: &Path) -> Result<Found, SceneError> {
     let files: Vec<PathBuf> = list(folder)?
         .into_iter()
-        .filter(|name| !name.starts_with('.'))
+        .filter(|name| !name.as_encoded_bytes().starts_with(b"."))
         .map(|name| folder.join(name))
         .filter(|path| MeshFormat::of(path).is_some() && path.is_file())
         .collect();
@@ -92,7 +93,7 @@ fn by_number(input: &Path, name: &str) -> Result<Found, SceneError> {
     let mut files = BTreeMap::new();
     for name in list(folder)? {
         let path = input.with_file_name(&name);
-        if let Some(number) = pattern.number(&name)
+        if let Some(number) = name.to_str().and_then(|name| pattern.number(name))
             && path.is_file()
         {
             files.insert(number, path);
@@ -150,16 +151,15 @@ fn by_glob(input: &Path, text: &str) -> Result<Found, SceneError> {
     })
 }
 
-/// Names of the entries of a folder; those that are not Unicode cannot match
-/// any extension or pattern, and are left out.
-fn list(folder: &Path) -> Result<Vec<String>, SceneError> {
+/// Names of the entries of a folder.
+fn list(folder: &Path) -> Result<Vec<OsString>, SceneError> {
     let io = |source| SceneError::Io {
         path: folder.to_path_buf(),
         source,
     };
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(io)? {
-        names.extend(entry.map_err(io)?.file_name().into_string());
+        names.push(entry.map_err(io)?.file_name());
     }
     Ok(names)
 }

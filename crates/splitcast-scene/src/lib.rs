@@ -6,6 +6,21 @@
 //!
 //! This crate knows nothing of trees or rays: positions are `[f32; 3]`,
 //! triangles `[u32; 3]`, colours sRGB bytes.
+//!
+//! ```no_run
+//! use splitcast_scene::{FrameSource, MeshSequence, Prefetch};
+//!
+//! let sequence = MeshSequence::open("gallop/frame_%04d.ply")?;
+//! for warning in sequence.warnings() {
+//!     eprintln!("warning: {warning}");
+//! }
+//! let frames = 0..sequence.frame_count();
+//! for item in Prefetch::new(Box::new(sequence), frames) {
+//!     let (index, frame) = item?;
+//!     println!("frame {index}: {} triangles", frame.triangles.len());
+//! }
+//! # Ok::<(), splitcast_scene::SceneError>(())
+//! ```
 
 mod atomic;
 mod error;

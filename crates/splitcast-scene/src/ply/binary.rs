@@ -335,6 +335,7 @@ fn words<const BIG_ENDIAN: bool>(bytes: &[u8]) -> [u32; 3] {
             u32::from_le_bytes(word)
         }
     };
-    // Spelled out, here and below: `array::map` leaves a call for each record.
+    // Spelled out, as are the columns above: `array::map` leaves a call for
+    // each record.
     [word(0), word(4), word(8)]
 }

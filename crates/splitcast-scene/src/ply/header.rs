@@ -14,6 +14,9 @@ use crate::error::quoted;
 /// kilobytes; a bound keeps a file without line ends from being read whole.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
+/// Bytes shown of a file that is no PLY file.
+const SHOWN_BYTES: usize = 12;
+
 /// How the body is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
@@ -284,10 +287,14 @@ impl<'a> Lines<'a> {
             });
         }
         if !matches!(&first[..], b"ply\n" | b"ply\r" | b"ply\r\n") {
+            // A little more of it tells people what the file really is.
+            let more = reader.fill_buf().map_err(io)?;
+            first.extend(&more[..more.len().min(SHOWN_BYTES)]);
+            let found = quoted(&first);
             return Err(SceneError::NotAMesh {
                 path: path.to_path_buf(),
                 format: "a PLY",
-                reason: format!("it starts with {}, expected a line \"ply\"", quoted(&first)),
+                reason: format!("it starts with {found}, expected a line \"ply\""),
             });
         }
         Ok(Lines {

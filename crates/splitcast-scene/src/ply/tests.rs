@@ -193,7 +193,7 @@ fn mistakes() -> Vec<Mistake> {
         (
             b"\x89PNG\r\n\x1a\n".to_vec(),
             |e| matches!(e, SceneError::NotAMesh { .. }),
-            ["\"\\x89\"", "\"ply\""],
+            ["\"\\x89PNG\\r\\n", "\"ply\""],
         ),
         (
             ascii("float z", "float w"),
@@ -412,6 +412,7 @@ fn mistakes_are_named_with_file_and_place_in_one_line() {
     for (i, (file, is_kind, parts)) in mistakes().into_iter().enumerate() {
         let error = read_file(&file).expect_err(parts[0]);
         let message = error.to_string();
+        println!("{message}");
         assert!(is_kind(&error), "case {i}: {error:?}");
         for part in ["mesh.ply: "].iter().chain(&parts) {
             assert!(message.contains(part), "case {i}: {message} lacks {part}");

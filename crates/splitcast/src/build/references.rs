@@ -1,8 +1,11 @@
 //! References: the boxes of triangles that builders sort into nodes.
 
+use fearless_simd::f32x4;
+use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::{MAX_COORDINATE, NonFinite};
+use crate::simd::{Kernel, dispatch};
 use crate::{Aabb, BuildError, Mesh};
 
 /// Triangles handled by one task when boxes are computed.
@@ -21,11 +24,41 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    pub(crate) fn new(bounds: Aabb, triangle: u32) -> Self {
+    /// Fills working memory.
+    pub(crate) const ZERO: Self = Self {
+        min: [0.0; 3],
+        triangle: 0,
+        max: [0.0; 3],
+        _padding: 0,
+    };
+
+    /// Both corners as four lanes; the fourth means nothing.
+    #[inline(always)]
+    pub(crate) fn lanes(&self) -> ([f32; 4], [f32; 4]) {
+        let [a, b, c] = self.min;
+        let [d, e, f] = self.max;
+        let bits = f32::from_bits;
+        (
+            [a, b, c, bits(self.triangle)],
+            [d, e, f, bits(self._padding)],
+        )
+    }
+
+    /// The box of a triangle.
+    #[inline(always)]
+    pub(crate) fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
         Self {
-            min: bounds.min,
+            min: [
+                a[0].min(b[0]).min(c[0]),
+                a[1].min(b[1]).min(c[1]),
+                a[2].min(b[2]).min(c[2]),
+            ],
             triangle,
-            max: bounds.max,
+            max: [
+                a[0].max(b[0]).max(c[0]),
+                a[1].max(b[1]).max(c[1]),
+                a[2].max(b[2]).max(c[2]),
+            ],
             _padding: 0,
         }
     }
@@ -38,47 +71,131 @@ impl Reference {
     }
 }
 
-/// One reference per triangle, in the mesh's order, and the number of
-/// triangles left out because a corner is out of range.
-pub(crate) fn collect(
-    mesh: Mesh<'_>,
-    non_finite: NonFinite,
-) -> Result<(Vec<Reference>, usize), BuildError> {
-    let triangles = mesh.triangles();
-    let mut references: Vec<Reference> = (0..triangles.len() as u32)
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .map(|triangle| Reference::new(mesh.triangle_bounds(triangle), triangle))
-        .collect();
-    let usable = |reference: &Reference| {
-        // `max` and `min` drop NaN, so a NaN corner has to be looked for in the mesh; every
-        // other bad coordinate shows in the box.
-        let within = |x: f32| x.abs() <= MAX_COORDINATE;
-        mesh.corners(reference.triangle)
-            .iter()
-            .flatten()
-            .all(|&x| within(x))
-    };
-    if references.par_iter().with_min_len(CHUNK).all(usable) {
-        return Ok((references, 0));
+impl Reference {
+    /// Whether nothing is left of the triangle.
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        (self.min[0] > self.max[0]) | (self.min[1] > self.max[1]) | (self.min[2] > self.max[2])
     }
-    match non_finite {
-        NonFinite::Reject => Err(first_unusable(mesh)),
-        NonFinite::Skip => {
-            references.retain(usable);
-            let skipped = triangles.len() - references.len();
-            Ok((references, skipped))
+}
+
+/// The lower of two numbers: unlike `f32::min`, a single instruction.
+#[inline(always)]
+pub(crate) fn lower(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// The higher of two numbers: unlike `f32::max`, a single instruction.
+#[inline(always)]
+pub(crate) fn upper(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+/// The triangles that a tree is built over: all of a mesh, or those left when
+/// unusable ones are skipped.
+#[derive(Debug)]
+pub(crate) struct Triangles<'m> {
+    mesh: Mesh<'m>,
+    /// The usable triangles in rising order, if not all are.
+    usable: Option<Vec<u32>>,
+}
+
+impl<'m> Triangles<'m> {
+    /// Finds the usable triangles of a mesh: those whose corners can be traced.
+    pub(crate) fn of(mesh: Mesh<'m>, non_finite: NonFinite) -> Result<Self, BuildError> {
+        let all = |positions: &[[f32; 3]]| {
+            positions
+                .iter()
+                .fold(true, |all, position| all & is_traceable(position))
+        };
+        if mesh.positions().par_chunks(CHUNK).all(all) {
+            return Ok(Self { mesh, usable: None });
         }
+        let usable: Vec<u32> = (0..mesh.triangles().len() as u32)
+            .filter(|&triangle| mesh.corners(triangle).iter().all(is_traceable))
+            .collect();
+        if non_finite == NonFinite::Reject && usable.len() < mesh.triangles().len() {
+            return Err(first_unusable(mesh));
+        }
+        Ok(Self {
+            mesh,
+            usable: Some(usable),
+        })
+    }
+
+    pub(crate) fn mesh(&self) -> Mesh<'m> {
+        self.mesh
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        match &self.usable {
+            None => self.mesh.triangles().len(),
+            Some(usable) => usable.len(),
+        }
+    }
+
+    /// Number of triangles left out.
+    pub(crate) fn skipped(&self) -> usize {
+        self.mesh.triangles().len() - self.len()
+    }
+
+    /// The reference to the triangle at `place` among the usable ones.
+    #[inline(always)]
+    pub(crate) fn reference(&self, place: usize) -> Reference {
+        let triangle = match &self.usable {
+            None => place as u32,
+            Some(usable) => usable[place],
+        };
+        Reference::of_triangle(self.mesh.corners(triangle), triangle)
+    }
+
+    /// References to all usable triangles, in the mesh's order.
+    pub(crate) fn references(&self) -> Vec<Reference> {
+        (0..self.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|place| self.reference(place))
+            .collect()
     }
 }
 
 /// The box around all references.
 pub(crate) fn bounds_of(references: &[Reference]) -> Aabb {
-    references
-        .par_iter()
-        .with_min_len(CHUNK)
-        .map(Reference::bounds)
-        .reduce(|| Aabb::EMPTY, |a, b| a.union(&b))
+    struct Bounds<'a>(&'a [Reference]);
+    impl Kernel for Bounds<'_> {
+        type Output = Aabb;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Aabb {
+            bounds_of_lanes(simd, self.0)
+        }
+    }
+    dispatch(Bounds(references))
+}
+
+/// [`bounds_of`] inside a kernel.
+#[inline(always)]
+pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aabb {
+    let mut min = f32x4::splat(simd, f32::INFINITY);
+    let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
+    for reference in references {
+        let (low, high) = reference.lanes();
+        min = min.min(f32x4::simd_from(simd, low));
+        max = max.max(f32x4::simd_from(simd, high));
+    }
+    let [a, b, c, _]: [f32; 4] = min.into();
+    let [d, e, f, _]: [f32; 4] = max.into();
+    // Adding 0 turns -0 into 0: which of the two a minimum gives depends on the instruction set.
+    Aabb {
+        min: [a + 0.0, b + 0.0, c + 0.0],
+        max: [d + 0.0, e + 0.0, f + 0.0],
+    }
+}
+
+/// Whether a corner may stand here. NaN fails; no short cut, so that it vectorises.
+fn is_traceable(position: &[f32; 3]) -> bool {
+    let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
+    x & y & z
 }
 
 /// Names the first vertex that keeps a triangle from being used.
@@ -89,7 +206,7 @@ fn first_unusable(mesh: Mesh<'_>) -> BuildError {
         .enumerate()
         .flat_map(|(triangle, corners)| corners.iter().map(move |&vertex| (triangle, vertex)))
         .map(|(triangle, vertex)| (triangle, vertex, mesh.positions()[vertex as usize]))
-        .find(|(_, _, position)| position.iter().any(|x| !(x.abs() <= MAX_COORDINATE)));
+        .find(|(_, _, position)| !is_traceable(position));
     let (triangle, vertex, position) = culprit.expect("called only if a triangle is unusable");
     BuildError::NonFinite {
         triangle,

@@ -68,8 +68,9 @@ impl ShearedRay {
             axes: [x, y, z],
             shear: [dx / dz, dy / dz],
             // In units of 2⁻²⁴ of the reach: the corner relative to the origin 1, the shear 1,
-            // the corner's depth in it 1, their product 1, the difference 2. 8 leaves room.
-            corner_error: reach * (8.0 / (1 << 24) as f32),
+            // the corner's depth in it 1, their product 1, the difference 2. 8 leaves room, and
+            // the constant covers underflow.
+            corner_error: reach * (8.0 / (1 << 24) as f32) + f32::MIN_POSITIVE,
         })
     }
 
@@ -87,21 +88,33 @@ impl ShearedRay {
     #[inline(always)]
     fn surely_misses(&self, corners: &[[f32; 3]; 3]) -> bool {
         let [x, y, z] = self.axes;
-        let [a, b, c] = corners.map(|corner| {
-            let depth = corner[z] - self.origin[z];
-            [
-                (corner[x] - self.origin[x]) - self.shear[0] * depth,
-                (corner[y] - self.origin[y]) - self.shear[1] * depth,
-            ]
-        });
-        let edge = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
-        let edges = [edge(c, b), edge(a, c), edge(b, a)];
+        let depth = corners.map(|corner| corner[z] - self.origin[z]);
+        let sheared = |k: usize, axis: usize| -> [f32; 3] {
+            std::array::from_fn(|i| {
+                (corners[i][axis] - self.origin[axis]) - self.shear[k] * depth[i]
+            })
+        };
+        // Most triangles lie on one side of the ray on one of the axes.
+        let one_side = |[a, b, c]: [f32; 3]| {
+            larger(larger(a, b), c) < -self.corner_error
+                || -larger(larger(-a, -b), -c) > self.corner_error
+        };
+        let x = sheared(0, x);
+        if one_side(x) {
+            return true;
+        }
+        let y = sheared(1, y);
+        if one_side(y) {
+            return true;
+        }
+        let edge = |i: usize, j: usize| x[i] * y[j] - y[i] * x[j];
+        let edges = [edge(2, 1), edge(0, 2), edge(1, 0)];
         // With e the corners' error and w the largest |x| plus the largest |y|, an edge function
         // is off by at most 2we + 2e² for the corners and w²·2⁻²⁴ for its own rounding. Here
         // w is at most 4 reaches and so w·2⁻²⁴ at most e / 2; the rest is room, and MIN_POSITIVE
         // covers what underflow takes.
-        let largest = |k: usize| larger(larger(a[k].abs(), b[k].abs()), c[k].abs());
-        let width = largest(0) + largest(1);
+        let largest = |[a, b, c]: [f32; 3]| larger(larger(a.abs(), b.abs()), c.abs());
+        let width = largest(x) + largest(y);
         let error = self.corner_error * (4.0 * (width + self.corner_error)) + f32::MIN_POSITIVE;
         let below = edges.iter().fold(false, |any, &e| any | (e < -error));
         let above = edges.iter().fold(false, |any, &e| any | (e > error));

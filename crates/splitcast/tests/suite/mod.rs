@@ -64,14 +64,33 @@ pub(crate) fn option_sets() -> Vec<BuildOptions> {
 /// # Panics
 /// If anything is wrong; the message names mesh, options and ray.
 pub(crate) fn check_mesh(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]]) {
+    check_mesh_with(name, positions, triangles, &option_sets());
+}
+
+/// [`check_mesh`] with given options only, for large meshes.
+pub(crate) fn check_mesh_with(
+    name: &str,
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    option_sets: &[BuildOptions],
+) {
     let mesh = Mesh::new(positions, triangles).unwrap_or_else(|e| panic!("{name}: {e}"));
     let expectations = Expectations::new(mesh);
-    for options in option_sets() {
-        let tree = KdTree::build(mesh, &options)
-            .unwrap_or_else(|e| panic!("{name} with {options:?}: {e}"));
-        check_whole(name, &tree, &options);
+    for options in option_sets {
+        let tree =
+            KdTree::build(mesh, options).unwrap_or_else(|e| panic!("{name} with {options:?}: {e}"));
+        check_whole(name, &tree, options);
         expectations.check(&tree, &format!("{name} with {options:?}"));
     }
+}
+
+/// Every builder with its default options.
+pub(crate) fn default_sets() -> Vec<BuildOptions> {
+    let with = |&builder: &Builder| BuildOptions {
+        builder,
+        ..BuildOptions::default()
+    };
+    Builder::ALL.iter().map(with).collect()
 }
 
 /// Panics if a tree is not whole or its figures do not add up.

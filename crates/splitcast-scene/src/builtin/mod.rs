@@ -5,6 +5,15 @@
 //! table 1) at the same triangle and frame counts. Lengths are metres, y is
 //! up, and the ground is the plane y = 0.
 
+mod animal;
+mod curve;
+mod edge_flips;
+mod horse;
+mod implicit;
+mod limb;
+mod skeleton;
+mod skinning;
+mod surface_nets;
 mod vertex_normals;
 
 use crate::{FrameSource, SceneError};
@@ -29,7 +38,7 @@ pub struct BuiltinScene {
 }
 
 /// Every built-in scene, by rising triangle count.
-static SCENES: &[BuiltinScene] = &[];
+static SCENES: &[BuiltinScene] = &[horse::SCENE];
 
 /// Every built-in scene, by rising triangle count.
 pub fn list() -> &'static [BuiltinScene] {

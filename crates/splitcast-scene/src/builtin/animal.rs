@@ -1,0 +1,144 @@
+//! Skinned animals: how one is put together, and how it yields frames.
+//!
+//! Animals face +x and stand on y = 0; their right side is z > 0.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::check_frame_index;
+use super::implicit::{Body, Part};
+use super::skeleton::{Pose, Skeleton};
+use super::skinning::Skin;
+use super::surface_nets;
+use super::vertex_normals::vertex_normals;
+use crate::{Frame, FrameSource, SceneError};
+
+/// Poses a skeleton at a phase of the whole cycle, 0 to 1.
+pub(super) type Gait = fn(&mut Pose<'_>, f64);
+
+/// Gives a rest position its colour, from the colour its part has there.
+pub(super) type Paint = fn(Vec3, [u8; 3]) -> [u8; 3];
+
+/// Bones and the flesh on them, while an animal is put together.
+///
+/// What exists on both sides is described on the right; the bones of the two
+/// sides end in `.r` and `.l`.
+#[derive(Default)]
+pub(super) struct Rig {
+    pub(super) skeleton: Skeleton,
+    body: Body,
+}
+
+impl Rig {
+    /// Adds a chain of bones on both sides, one name a bone.
+    pub(super) fn bone_pairs(&mut self, names: &[&str], parent: &str, joints: &[[f64; 3]]) {
+        for (side, sign) in [("r", 1.0), ("l", -1.0)] {
+            let mut parent = parent.to_owned();
+            for (name, ends) in names.iter().zip(joints.windows(2)) {
+                let name = format!("{name}.{side}");
+                let [head, tail] = [ends[0], ends[1]].map(|[x, y, z]| [x, y, z * sign]);
+                self.skeleton.bone(&name, &parent, head, tail);
+                parent = name;
+            }
+        }
+    }
+
+    /// Adds a part in the middle, carried by the bones whose names start so.
+    pub(super) fn add(&mut self, part: Part, bones: &[&str], softness: f32, color: [u8; 3]) {
+        let bones = self.skeleton.ids(bones);
+        assert!(!bones.is_empty(), "a part needs a bone");
+        self.body.parts.push(part.on(bones, softness, color));
+    }
+
+    /// Adds a part on both sides; bone names that end in a dot get their side.
+    pub(super) fn add_pair(&mut self, part: Part, bones: &[&str], softness: f32, color: [u8; 3]) {
+        for (side, part) in [("r", part.clone()), ("l", part.mirrored())] {
+            let sided: Vec<String> = bones
+                .iter()
+                .map(|name| if name.ends_with('.') { format!("{name}{side}") } else { (*name).to_owned() })
+                .collect();
+            let sided: Vec<&str> = sided.iter().map(String::as_str).collect();
+            self.add(part, &sided, softness, color);
+        }
+    }
+
+    /// Meshes the body with cells of edge `cell` and binds it to the bones.
+    pub(super) fn skin(&self, cell: f32, paint: Paint) -> Skin {
+        Skin::bind(surface_nets::mesh(&self.body, cell), &self.body, &self.skeleton, paint)
+    }
+}
+
+/// An animal that moves: a source of frames.
+pub(super) struct Animal {
+    pub(super) name: &'static str,
+    pub(super) frames: usize,
+    pub(super) frames_per_second: f32,
+    pub(super) skeleton: Skeleton,
+    pub(super) skin: Skin,
+    pub(super) gait: Gait,
+}
+
+impl FrameSource for Animal {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn frame_count(&self) -> usize {
+        self.frames
+    }
+
+    fn frames_per_second(&self) -> f32 {
+        self.frames_per_second
+    }
+
+    fn is_periodic(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, index: usize) -> Result<Frame, SceneError> {
+        check_frame_index(self.name, index, self.frames)?;
+        let mut pose = Pose::new(&self.skeleton);
+        (self.gait)(&mut pose, index as f64 / self.frames as f64);
+        let positions = self.skin.posed(&pose);
+        let normals = vertex_normals(&positions, &self.skin.triangles);
+        Ok(Frame {
+            positions,
+            triangles: Arc::clone(&self.skin.triangles),
+            normals: Some(normals),
+            colors: Some(Arc::clone(&self.skin.colors)),
+        })
+    }
+}
+
+/// The path of a toe relative to where it stands at rest, for one gait cycle
+/// that begins at touchdown.
+pub(super) struct FootPath {
+    /// Part of the cycle that the foot is on the ground.
+    pub(super) duty: f64,
+    /// Where it touches down and lifts off, ahead of its rest position, metres.
+    pub(super) touchdown: f64,
+    pub(super) liftoff: f64,
+    /// Highest point of the toe in swing, metres.
+    pub(super) lift: f64,
+}
+
+impl FootPath {
+    /// Offset from rest at `phase` turns after touchdown.
+    pub(super) fn at(&self, phase: f64) -> DVec3 {
+        let phase = phase - phase.floor();
+        let sweep = self.liftoff - self.touchdown;
+        if phase < self.duty {
+            return DVec3::new(self.touchdown + sweep * phase / self.duty, 0.0, 0.0);
+        }
+        let t = (phase - self.duty) / (1.0 - self.duty);
+        // Leaving and meeting the ground at half its speed looks unhurried
+        // and keeps the overshoot within reach.
+        let slope = 0.5 * sweep * (1.0 - self.duty) / self.duty;
+        let x = super::curve::hermite(self.liftoff, slope, self.touchdown, slope, t);
+        // Rises faster than it comes down: t (1 - t)^2 is highest at 1/3,
+        // where it is 4/27.
+        let y = self.lift * t * (1.0 - t) * (1.0 - t) * 27.0 / 4.0;
+        DVec3::new(x, y, 0.0)
+    }
+}

@@ -1,0 +1,608 @@
+//! `horse`: a bay horse at the gallop, in place.
+//!
+//! Proportions are those of a riding horse of 1.60 m at the withers. The gait
+//! is the transverse gallop with one suspension (Muybridge 1887; Hildebrand,
+//! "The Mechanics of Horse Legs", 1987): trailing hind, leading hind, trailing
+//! fore, leading fore, and all four off the ground with the legs gathered.
+
+use glam::{DVec3, Vec3};
+
+use super::BuiltinScene;
+use super::animal::{Animal, FootPath, Rig};
+use super::curve::{cos, cycle};
+use super::implicit::{Part, Section, section};
+use super::limb::{Limb, LimbGoal, LimbKind};
+use super::skeleton::{Pose, pitch, yaw};
+
+/// What the scene list says of it.
+pub(super) const SCENE: BuiltinScene = BuiltinScene {
+    name: "horse",
+    description: "a galloping horse, skinned",
+    triangles: 16_844,
+    frames: 48,
+    frames_per_second: 30.0,
+    periodic: true,
+    open: || Box::new(horse()),
+};
+
+/// Chosen for the triangle count.
+const CELL: f32 = 0.0314;
+
+/// Strides in the whole cycle; tail and head need both to come round.
+const STRIDES: f64 = 2.0;
+
+const COAT: [u8; 3] = [124, 70, 38];
+const HAIR: [u8; 3] = [34, 26, 23];
+const LEG: [u8; 3] = [44, 32, 27];
+const HOOF: [u8; 3] = [78, 68, 60];
+const MUZZLE: [u8; 3] = [62, 44, 38];
+const WHITE: [u8; 3] = [226, 218, 208];
+
+fn horse() -> Animal {
+    let mut rig = Rig::default();
+    add_bones(&mut rig);
+    add_trunk(&mut rig);
+    add_neck_and_head(&mut rig);
+    add_hind_legs(&mut rig);
+    add_forelegs(&mut rig);
+    add_hair(&mut rig);
+    let skin = rig.skin(CELL, paint);
+    Animal {
+        name: SCENE.name,
+        frames: SCENE.frames,
+        frames_per_second: SCENE.frames_per_second,
+        skeleton: rig.skeleton,
+        skin,
+        gait,
+    }
+}
+
+fn add_bones(rig: &mut Rig) {
+    let skeleton = &mut rig.skeleton;
+    skeleton.bone("chest", "", [0.10, 1.30, 0.0], [0.60, 1.25, 0.0]);
+    skeleton.bone("loin", "chest", [0.10, 1.30, 0.0], [-0.28, 1.36, 0.0]);
+    skeleton.bone("pelvis", "loin", [-0.28, 1.36, 0.0], [-0.78, 1.32, 0.0]);
+    skeleton.chain(
+        "neck",
+        "chest",
+        &[
+            [0.58, 1.33, 0.0],
+            [0.82, 1.50, 0.0],
+            [1.03, 1.66, 0.0],
+            [1.21, 1.83, 0.0],
+        ],
+    );
+    skeleton.bone("head", "neck2", [1.21, 1.83, 0.0], [1.66, 1.42, 0.0]);
+    skeleton.chain(
+        "tail",
+        "pelvis",
+        &[
+            [-0.78, 1.44, 0.0],
+            [-0.95, 1.47, 0.0],
+            [-1.13, 1.42, 0.0],
+            [-1.30, 1.31, 0.0],
+            [-1.45, 1.15, 0.0],
+            [-1.56, 0.94, 0.0],
+        ],
+    );
+    rig.bone_pairs(
+        &["femur", "tibia", "metatarsus", "hind_hoof"],
+        "pelvis",
+        &[
+            [-0.52, 1.26, 0.13],
+            [-0.34, 0.96, 0.19],
+            [-0.67, 0.59, 0.15],
+            [-0.64, 0.21, 0.15],
+            [-0.52, 0.00, 0.15],
+        ],
+    );
+    rig.bone_pairs(
+        &["scapula", "humerus", "radius", "metacarpus", "fore_hoof"],
+        "chest",
+        &[
+            [0.42, 1.48, 0.10],
+            [0.65, 1.09, 0.16],
+            [0.45, 0.92, 0.17],
+            [0.49, 0.49, 0.14],
+            [0.49, 0.20, 0.14],
+            [0.61, 0.00, 0.14],
+        ],
+    );
+}
+
+/// A cross-section in the middle, from its top and bottom.
+const fn slice(x: f32, top: f32, bottom: f32, width: f32) -> Section {
+    section([x, 0.5 * (top + bottom), 0.0], 0.5 * (top - bottom), width)
+}
+
+fn add_trunk(rig: &mut Rig) {
+    let trunk = ["chest", "loin", "pelvis"];
+    rig.add(
+        Part::loft(
+            &[
+                slice(0.70, 1.34, 1.00, 0.13),
+                slice(0.56, 1.47, 0.87, 0.19),
+                slice(0.36, 1.54, 0.80, 0.225),
+                slice(0.12, 1.51, 0.77, 0.265),
+                slice(-0.12, 1.495, 0.80, 0.275),
+                slice(-0.32, 1.525, 0.90, 0.245),
+                slice(-0.50, 1.55, 1.00, 0.22),
+                slice(-0.68, 1.49, 1.08, 0.17),
+                slice(-0.77, 1.42, 1.16, 0.12),
+            ],
+            Vec3::Z,
+            0.05,
+        ),
+        &trunk,
+        1.0,
+        COAT,
+    );
+    // Withers, and the ridge of the back behind them.
+    rig.add(
+        Part::loft(
+            &[
+                section([0.62, 1.47, 0.0], 0.09, 0.06),
+                section([0.42, 1.525, 0.0], 0.075, 0.05),
+                section([0.20, 1.485, 0.0], 0.05, 0.05),
+            ],
+            Vec3::Z,
+            0.10,
+        ),
+        &["chest"],
+        1.0,
+        COAT,
+    );
+    // Breast muscles to either side of the breastbone.
+    rig.add_pair(
+        Part::ellipsoid([0.68, 1.10, 0.085], [0.3, 1.0, 0.0], Vec3::Z, [0.15, 0.10, 0.085], 0.06),
+        &["chest"],
+        1.0,
+        COAT,
+    );
+}
+
+fn add_neck_and_head(rig: &mut Rig) {
+    rig.add(
+        Part::loft(
+            &[
+                section([0.52, 1.27, 0.0], 0.26, 0.14),
+                section([0.70, 1.41, 0.0], 0.225, 0.115),
+                section([0.88, 1.555, 0.0], 0.175, 0.09),
+                section([1.05, 1.70, 0.0], 0.135, 0.072),
+                section([1.20, 1.80, 0.0], 0.105, 0.066),
+            ],
+            Vec3::Z,
+            0.10,
+        ),
+        &["chest", "neck0", "neck1", "neck2"],
+        1.0,
+        COAT,
+    );
+    rig.add(
+        Part::loft(
+            &[
+                section([1.20, 1.84, 0.0], 0.085, 0.07),
+                section([1.29, 1.755, 0.0], 0.115, 0.088),
+                section([1.40, 1.665, 0.0], 0.100, 0.078),
+                section([1.52, 1.56, 0.0], 0.072, 0.055),
+                section([1.62, 1.465, 0.0], 0.062, 0.052),
+                section([1.665, 1.415, 0.0], 0.052, 0.050),
+            ],
+            Vec3::Z,
+            0.05,
+        ),
+        &["head"],
+        0.3,
+        COAT,
+    );
+    // Jowl, and the brow over the eye.
+    rig.add_pair(
+        Part::ellipsoid([1.285, 1.69, 0.035], [1.0, -0.8, 0.0], Vec3::Z, [0.10, 0.075, 0.045], 0.04),
+        &["head"],
+        0.3,
+        COAT,
+    );
+    rig.add_pair(
+        Part::ellipsoid([1.36, 1.765, 0.060], [1.0, -0.9, 0.0], Vec3::Z, [0.055, 0.035, 0.032], 0.03),
+        &["head"],
+        0.3,
+        COAT,
+    );
+    // Nostrils, lips and chin.
+    rig.add_pair(
+        Part::ellipsoid([1.665, 1.445, 0.034], [1.0, -0.9, 0.0], Vec3::Z, [0.042, 0.034, 0.026], 0.03),
+        &["head"],
+        0.2,
+        MUZZLE,
+    );
+    rig.add(
+        Part::ellipsoid([1.61, 1.405, 0.0], [1.0, -0.8, 0.0], Vec3::Z, [0.055, 0.030, 0.036], 0.03),
+        &["head"],
+        0.2,
+        MUZZLE,
+    );
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([1.205, 1.885, 0.045], 0.040, 0.030),
+                section([1.195, 1.955, 0.062], 0.040, 0.026),
+                section([1.200, 2.020, 0.068], 0.026, 0.020),
+                section([1.212, 2.060, 0.066], 0.012, 0.012),
+            ],
+            Vec3::Z,
+            0.025,
+        ),
+        &["head"],
+        0.1,
+        COAT,
+    );
+}
+
+fn add_hind_legs(rig: &mut Rig) {
+    // Haunch, thigh and the hamstrings behind it.
+    rig.add_pair(
+        Part::ellipsoid([-0.54, 1.27, 0.115], [0.55, -1.0, 0.05], Vec3::Z, [0.31, 0.24, 0.125], 0.10),
+        &["pelvis", "femur."],
+        1.0,
+        COAT,
+    );
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([-0.50, 1.20, 0.14], 0.21, 0.11),
+                section([-0.43, 1.05, 0.165], 0.175, 0.095),
+                section([-0.40, 0.95, 0.175], 0.125, 0.080),
+            ],
+            Vec3::Z,
+            0.08,
+        ),
+        &["pelvis", "femur."],
+        0.9,
+        COAT,
+    );
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([-0.70, 1.28, 0.10], 0.10, 0.085),
+                section([-0.67, 1.10, 0.125], 0.095, 0.080),
+                section([-0.57, 0.92, 0.145], 0.075, 0.060),
+            ],
+            Vec3::Z,
+            0.10,
+        ),
+        &["pelvis", "femur.", "tibia."],
+        1.0,
+        COAT,
+    );
+    // Gaskin down to the hock.
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([-0.39, 0.97, 0.175], 0.115, 0.075),
+                section([-0.47, 0.84, 0.170], 0.105, 0.066),
+                section([-0.57, 0.70, 0.158], 0.066, 0.048),
+                section([-0.645, 0.60, 0.150], 0.052, 0.042),
+            ],
+            Vec3::Z,
+            0.05,
+        ),
+        &["femur.", "tibia."],
+        0.5,
+        COAT,
+    );
+    // Hock with its point, cannon, fetlock and pastern.
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([-0.725, 0.665, 0.150], 0.026, 0.026),
+                section([-0.685, 0.60, 0.150], 0.046, 0.040),
+                section([-0.665, 0.53, 0.150], 0.050, 0.042),
+                section([-0.655, 0.42, 0.150], 0.038, 0.034),
+                section([-0.645, 0.29, 0.150], 0.036, 0.034),
+                section([-0.642, 0.21, 0.150], 0.050, 0.043),
+            ],
+            Vec3::Z,
+            0.04,
+        ),
+        &["tibia.", "metatarsus."],
+        0.25,
+        LEG,
+    );
+    add_foot(rig, [-0.64, 0.21, 0.15], ["metatarsus.", "hind_hoof."], LEG);
+}
+
+fn add_forelegs(rig: &mut Rig) {
+    // Shoulder blade with its muscles, and the triceps that fills the angle
+    // between it and the elbow.
+    rig.add_pair(
+        Part::ellipsoid([0.53, 1.27, 0.135], [0.23, -0.40, 0.05], Vec3::Z, [0.27, 0.13, 0.085], 0.08),
+        &["chest", "scapula."],
+        1.0,
+        COAT,
+    );
+    rig.add_pair(
+        Part::ellipsoid([0.48, 1.06, 0.150], [0.20, 0.20, 0.0], Vec3::Z, [0.19, 0.13, 0.080], 0.07),
+        &["scapula.", "humerus."],
+        1.0,
+        COAT,
+    );
+    rig.add_pair(
+        Part::ellipsoid([0.64, 1.10, 0.145], [0.1, -1.0, 0.0], Vec3::Z, [0.12, 0.085, 0.070], 0.06),
+        &["scapula.", "humerus."],
+        1.0,
+        COAT,
+    );
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([0.475, 0.98, 0.160], 0.115, 0.072),
+                section([0.475, 0.86, 0.160], 0.092, 0.062),
+                section([0.485, 0.70, 0.150], 0.064, 0.050),
+                section([0.490, 0.57, 0.143], 0.046, 0.040),
+                section([0.493, 0.49, 0.140], 0.050, 0.043),
+                section([0.490, 0.42, 0.140], 0.040, 0.036),
+            ],
+            Vec3::Z,
+            0.05,
+        ),
+        &["humerus.", "radius.", "metacarpus."],
+        0.35,
+        COAT,
+    );
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([0.493, 0.49, 0.140], 0.051, 0.044),
+                section([0.488, 0.40, 0.140], 0.038, 0.034),
+                section([0.486, 0.28, 0.140], 0.036, 0.033),
+                section([0.488, 0.20, 0.140], 0.048, 0.042),
+            ],
+            Vec3::Z,
+            0.03,
+        ),
+        &["radius.", "metacarpus."],
+        0.25,
+        LEG,
+    );
+    add_foot(rig, [0.49, 0.20, 0.14], ["metacarpus.", "fore_hoof."], LEG);
+}
+
+/// Pastern and hoof below a fetlock.
+fn add_foot(rig: &mut Rig, [x, y, z]: [f32; 3], bones: [&str; 2], color: [u8; 3]) {
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([x, y, z], 0.047, 0.043),
+                section([x + 0.035, y - 0.06, z], 0.038, 0.037),
+                section([x + 0.060, y - 0.11, z], 0.042, 0.042),
+            ],
+            Vec3::Z,
+            0.03,
+        ),
+        &bones,
+        0.25,
+        color,
+    );
+    rig.add_pair(
+        Part::loft(
+            &[
+                section([x + 0.050, y - 0.115, z], 0.050, 0.049),
+                section([x + 0.062, 0.025, z], 0.064, 0.060),
+                section([x + 0.066, -0.03, z], 0.068, 0.064),
+            ],
+            Vec3::Z,
+            0.012,
+        ),
+        &bones[1..],
+        0.1,
+        HOOF,
+    );
+}
+
+fn add_hair(rig: &mut Rig) {
+    // The mane: locks along the crest that stream back.
+    const CREST: [([f32; 2], f32, &str); 7] = [
+        ([0.72, 1.60], 0.10, "neck0"),
+        ([0.80, 1.665], 0.12, "neck0"),
+        ([0.88, 1.73], 0.13, "neck1"),
+        ([0.96, 1.79], 0.14, "neck1"),
+        ([1.04, 1.845], 0.14, "neck2"),
+        ([1.12, 1.885], 0.14, "neck2"),
+        ([1.19, 1.91], 0.13, "neck2"),
+    ];
+    for ([x, y], length, bone) in CREST {
+        rig.add(
+            Part::loft(
+                &[
+                    section([x + 0.03, y - 0.05, 0.0], 0.055, 0.030),
+                    section([x - 0.3 * length, y + 0.10 * length, 0.004], 0.055, 0.030),
+                    section([x - 0.9 * length, y + 0.22 * length, 0.012], 0.036, 0.024),
+                    section([x - 1.4 * length, y + 0.15 * length, 0.018], 0.012, 0.012),
+                ],
+                Vec3::Z,
+                0.03,
+            ),
+            &[bone],
+            0.6,
+            HAIR,
+        );
+    }
+    // Forelock.
+    rig.add(
+        Part::loft(
+            &[
+                section([1.215, 1.915, 0.0], 0.035, 0.035),
+                section([1.29, 1.86, 0.0], 0.030, 0.035),
+                section([1.35, 1.80, 0.0], 0.014, 0.018),
+            ],
+            Vec3::Z,
+            0.02,
+        ),
+        &["head"],
+        0.1,
+        HAIR,
+    );
+    // The tail: a dock, then hair that widens and thins out again.
+    rig.add(
+        Part::loft(
+            &[
+                section([-0.72, 1.42, 0.0], 0.050, 0.045),
+                section([-0.86, 1.47, 0.0], 0.048, 0.042),
+                section([-1.00, 1.465, 0.0], 0.068, 0.052),
+                section([-1.16, 1.40, 0.0], 0.092, 0.062),
+                section([-1.31, 1.29, 0.0], 0.098, 0.062),
+                section([-1.45, 1.13, 0.0], 0.078, 0.052),
+                section([-1.55, 0.96, 0.0], 0.044, 0.036),
+                section([-1.60, 0.86, 0.0], 0.014, 0.014),
+            ],
+            Vec3::Z,
+            0.05,
+        ),
+        &["pelvis", "tail"],
+        0.8,
+        HAIR,
+    );
+}
+
+/// Eyes, nostrils and white marks.
+fn paint(position: Vec3, color: [u8; 3]) -> [u8; 3] {
+    let aside = Vec3::new(position.x, position.y, position.z.abs());
+    if aside.distance(Vec3::new(1.365, 1.745, 0.09)) < 0.026 {
+        return [16, 12, 12];
+    }
+    if aside.distance(Vec3::new(1.70, 1.425, 0.045)) < 0.02 {
+        return [24, 16, 16];
+    }
+    let star = position.distance(Vec3::new(1.43, 1.765, 0.0));
+    if star < 0.04 {
+        return WHITE;
+    }
+    color
+}
+
+/// The gallop. All phases are in strides after the trailing hind touches down.
+fn gait(pose: &mut Pose<'_>, cycle_phase: f64) {
+    let stride = cycle_phase * STRIDES;
+    move_trunk(pose, stride);
+    move_neck_and_head(pose, stride, cycle_phase);
+    move_tail(pose, stride, cycle_phase);
+    for (side, sign, touchdown) in [("l", -1.0, 0.0), ("r", 1.0, 0.13)] {
+        move_hind_leg(pose, side, sign, stride - touchdown);
+    }
+    for (side, sign, touchdown) in [("l", -1.0, 0.33), ("r", 1.0, 0.49)] {
+        move_foreleg(pose, side, sign, stride - touchdown);
+    }
+}
+
+/// Up and down, pitch, and the back that rounds as the hind legs come
+/// forward and stretches as they push.
+fn move_trunk(pose: &mut Pose<'_>, stride: f64) {
+    let bob = 0.035 * cos(stride - 0.90);
+    let nose_up = 4.5 * cos(stride - 0.10);
+    let rounding = 9.0 * cos(stride - 0.93);
+    pose.turn("chest", pitch(nose_up), DVec3::new(0.0, bob - 0.01, 0.0));
+    // Behind the joint, a positive pitch lowers.
+    pose.turn("loin", pitch(0.45 * rounding), DVec3::ZERO);
+    pose.turn("pelvis", pitch(0.75 * rounding), DVec3::ZERO);
+}
+
+fn move_neck_and_head(pose: &mut Pose<'_>, stride: f64, cycle_phase: f64) {
+    let nod = 5.0 * cos(stride - 0.15);
+    let look = 1.5 * cos(cycle_phase - 0.2);
+    pose.turn("neck0", pitch(nod - 4.0) * yaw(look), DVec3::ZERO);
+    pose.turn("neck1", pitch(0.6 * nod - 2.0) * yaw(look), DVec3::ZERO);
+    pose.turn("neck2", pitch(0.4 * nod) * yaw(look), DVec3::ZERO);
+    pose.turn("head", pitch(10.0 - 1.2 * nod), DVec3::ZERO);
+}
+
+/// A wave that runs down the tail once a stride, and a slow sway.
+fn move_tail(pose: &mut Pose<'_>, stride: f64, cycle_phase: f64) {
+    for bone in 0..5 {
+        let late = 0.11 * f64::from(bone);
+        let wave = -3.0 + 9.0 * cos(stride - 0.05 - late);
+        let sway = 7.0 * cos(cycle_phase - 0.5 * late);
+        pose.turn(&format!("tail{bone}"), pitch(wave) * yaw(sway), DVec3::ZERO);
+    }
+}
+
+fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
+    const PATH: FootPath = FootPath {
+        duty: 0.245,
+        touchdown: 0.52,
+        liftoff: -0.53,
+        lift: 0.36,
+    };
+    const HEEL_LIFT: [(f64, f64); 7] = [
+        (0.0, 0.0),
+        (0.12, 0.0),
+        (0.245, 38.0),
+        (0.38, 85.0),
+        (0.58, 60.0),
+        (0.80, 12.0),
+        (0.93, -4.0),
+    ];
+    const FOLD: [(f64, f64); 6] = [
+        (0.0, 0.0),
+        (0.12, 6.0),
+        (0.25, -8.0),
+        (0.45, 18.0),
+        (0.65, 22.0),
+        (0.88, 0.0),
+    ];
+    let limb = Limb::new(
+        pose.skeleton(),
+        LimbKind::Hind,
+        ["femur.", "tibia.", "metatarsus.", "hind_hoof."],
+        side,
+    );
+    let toe = DVec3::new(-0.52, 0.0, 0.12 * sign) + PATH.at(phase);
+    let goal = LimbGoal {
+        toe,
+        heel_lift: cycle(&HEEL_LIFT, phase),
+        fold: cycle(&FOLD, phase),
+    };
+    limb.reach(pose, goal);
+}
+
+fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
+    const PATH: FootPath = FootPath {
+        duty: 0.215,
+        touchdown: 0.50,
+        liftoff: -0.42,
+        lift: 0.42,
+    };
+    const HEEL_LIFT: [(f64, f64); 7] = [
+        (0.0, 0.0),
+        (0.11, 0.0),
+        (0.215, 40.0),
+        (0.35, 105.0),
+        (0.55, 100.0),
+        (0.78, 18.0),
+        (0.93, -4.0),
+    ];
+    const FOLD: [(f64, f64); 7] = [
+        (0.0, 0.0),
+        (0.10, -2.0),
+        (0.215, 6.0),
+        (0.38, 75.0),
+        (0.55, 90.0),
+        (0.74, 30.0),
+        (0.90, 2.0),
+    ];
+    let path = PATH.at(phase);
+    // The shoulder blade glides along the ribs with the leg.
+    let swing = path.x.clamp(-0.5, 0.6);
+    pose.turn(&format!("scapula.{side}"), pitch(18.0 * swing), DVec3::ZERO);
+    let limb = Limb::new(
+        pose.skeleton(),
+        LimbKind::Fore,
+        ["humerus.", "radius.", "metacarpus.", "fore_hoof."],
+        side,
+    );
+    let goal = LimbGoal {
+        toe: DVec3::new(0.61, 0.0, 0.11 * sign) + path,
+        heel_lift: cycle(&HEEL_LIFT, phase),
+        fold: cycle(&FOLD, phase),
+    };
+    limb.reach(pose, goal);
+}

@@ -1,0 +1,344 @@
+//! Implicit bodies: smooth unions of tubes with elliptic cross-sections and
+//! of ellipsoids (metaballs' descendants; Bloomenthal and Shoemake,
+//! "Convolution Surfaces", 1991, and the polynomial smooth minimum of
+//! Quilez, "Smooth minimum", 2013).
+//!
+//! Only `+ - * / sqrt` are used, which IEEE 754 rounds the same everywhere,
+//! so a mesh made from a body has the same topology on every machine.
+
+use glam::Vec3;
+
+use super::skeleton::BoneId;
+
+/// Largest slope of the distance estimates, checked by a test on the bodies:
+/// the estimate `k0 (k0 - 1) / k1` is exact to first order at the surface only.
+pub(super) const SLOPE: f32 = 1.3;
+
+/// Segments that a loft gets between two of its sections: enough that the
+/// kinks between them stay below the cell size of the meshes.
+const LOFT_SUBDIVISIONS: usize = 4;
+
+/// A cross-section of a loft.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Section {
+    pub(super) center: Vec3,
+    /// Half height, across the axis and across `side`.
+    pub(super) depth: f32,
+    /// Half width, along the part's `side`.
+    pub(super) width: f32,
+}
+
+/// A section from plain numbers: center, half height, half width.
+pub(super) const fn section(center: [f32; 3], depth: f32, width: f32) -> Section {
+    Section {
+        center: Vec3::from_array(center),
+        depth,
+        width,
+    }
+}
+
+/// A tube of elliptic cross-section with rounded ends, or an ellipsoid where
+/// both ends coincide and `cap` says how far it reaches along the axis.
+#[derive(Clone, Debug)]
+struct Tube {
+    start: Vec3,
+    span: Vec3,
+    inverse_span_squared: f32,
+    axis: Vec3,
+    side: Vec3,
+    up: Vec3,
+    /// Depth, width and cap radius at the start and the change to the end.
+    radii: Vec3,
+    radii_change: Vec3,
+}
+
+impl Tube {
+    fn new(start: Section, end: Section, side: Vec3) -> Self {
+        let span = end.center - start.center;
+        let axis = span.normalize();
+        let side = (side - axis * side.dot(axis)).normalize();
+        let radii = |s: Section| Vec3::new(s.depth, s.width, s.depth.min(s.width));
+        Self {
+            start: start.center,
+            span,
+            inverse_span_squared: 1.0 / span.length_squared(),
+            axis,
+            side,
+            up: side.cross(axis),
+            radii: radii(start),
+            radii_change: radii(end) - radii(start),
+        }
+    }
+
+    fn ellipsoid(center: Vec3, axis: Vec3, side: Vec3, [along, depth, width]: [f32; 3]) -> Self {
+        let axis = axis.normalize();
+        let side = (side - axis * side.dot(axis)).normalize();
+        Self {
+            start: center,
+            span: Vec3::ZERO,
+            inverse_span_squared: 0.0,
+            axis,
+            side,
+            up: side.cross(axis),
+            radii: Vec3::new(depth, width, along),
+            radii_change: Vec3::ZERO,
+        }
+    }
+
+    fn mirrored(&self) -> Self {
+        Self {
+            start: mirror(self.start),
+            span: mirror(self.span),
+            axis: mirror(self.axis),
+            side: mirror(self.side),
+            up: mirror(self.up),
+            ..self.clone()
+        }
+    }
+
+    /// Signed distance to first order: `k0 (k0 - 1) / k1`, with `k0` the
+    /// ellipse's own norm and `k1` the length of its gradient times `k0`
+    /// (Quilez, "Ellipsoid SDF").
+    fn distance(&self, point: Vec3) -> f32 {
+        let from_start = point - self.start;
+        let along = (from_start.dot(self.span) * self.inverse_span_squared).clamp(0.0, 1.0);
+        let radii = self.radii + self.radii_change * along;
+        let offset = from_start - self.span * along;
+        let local = Vec3::new(
+            offset.dot(self.up),
+            offset.dot(self.side),
+            offset.dot(self.axis),
+        );
+        let scaled = local / radii;
+        let gradient_squared = (scaled / radii).length_squared();
+        if gradient_squared < 1e-12 {
+            return -radii.min_element();
+        }
+        let k0 = scaled.length();
+        k0 * (k0 - 1.0) / gradient_squared.sqrt()
+    }
+}
+
+/// A piece of a body that is one union of tubes and joins the rest smoothly.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    tubes: Vec<Tube>,
+    /// Width of the fillet to the parts before it, metres.
+    blend: f32,
+    /// Bones that may carry the surface of this part.
+    pub(super) bones: Vec<BoneId>,
+    /// Weight diffusion of the surface: 0 keeps joints sharp, 1 spreads them
+    /// over several hand widths.
+    pub(super) softness: f32,
+    /// sRGB.
+    pub(super) color: [u8; 3],
+}
+
+impl Part {
+    /// A tube through `sections`, a Catmull-Rom spline in centers and radii;
+    /// `side` is the direction of the sections' widths.
+    pub(super) fn loft(sections: &[Section], side: Vec3, blend: f32) -> Self {
+        let fine = subdivide(sections);
+        Self::of(
+            fine.windows(2)
+                .map(|pair| Tube::new(pair[0], pair[1], side))
+                .collect(),
+            blend,
+        )
+    }
+
+    /// An ellipsoid with half sizes along `axis`, across, and along `side`.
+    pub(super) fn ellipsoid(
+        center: [f32; 3],
+        axis: [f32; 3],
+        side: Vec3,
+        half_sizes: [f32; 3],
+        blend: f32,
+    ) -> Self {
+        let tube = Tube::ellipsoid(center.into(), axis.into(), side, half_sizes);
+        Self::of(vec![tube], blend)
+    }
+
+    fn of(tubes: Vec<Tube>, blend: f32) -> Self {
+        Self {
+            tubes,
+            blend,
+            bones: Vec::new(),
+            softness: 1.0,
+            color: [128; 3],
+        }
+    }
+
+    /// The part as carried by `bones`.
+    pub(super) fn on(self, bones: Vec<BoneId>, softness: f32, color: [u8; 3]) -> Self {
+        Self {
+            bones,
+            softness,
+            color,
+            ..self
+        }
+    }
+
+    /// The same shape on the other side of the plane z = 0; bones are left out.
+    pub(super) fn mirrored(&self) -> Self {
+        Self {
+            tubes: self.tubes.iter().map(Tube::mirrored).collect(),
+            bones: Vec::new(),
+            ..self.clone()
+        }
+    }
+}
+
+/// A body: its parts joined in order, cut off flat at the ground.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Body {
+    pub(super) parts: Vec<Part>,
+}
+
+/// The tubes that matter in some ball, as (part, tube) in order.
+pub(super) type Nearby = Vec<(u16, u16)>;
+
+impl Body {
+    /// Signed distance estimate, negative inside, from the tubes of `nearby`.
+    pub(super) fn distance(&self, point: Vec3, nearby: &Nearby) -> f32 {
+        let mut total = f32::INFINITY;
+        for group in nearby.chunk_by(|a, b| a.0 == b.0) {
+            let part = &self.parts[usize::from(group[0].0)];
+            total = smooth_min(total, part_distance(part, point, group), part.blend);
+        }
+        total.max(-point.y)
+    }
+
+    /// Distance and gradient by four taps at the corners of a tetrahedron.
+    pub(super) fn distance_and_gradient(&self, point: Vec3, nearby: &Nearby) -> (f32, Vec3) {
+        const REACH: f32 = 2e-3;
+        let mut distance = 0.0;
+        let mut gradient = Vec3::ZERO;
+        for corner in [
+            Vec3::new(1.0, 1.0, 1.0),
+            Vec3::new(1.0, -1.0, -1.0),
+            Vec3::new(-1.0, 1.0, -1.0),
+            Vec3::new(-1.0, -1.0, 1.0),
+        ] {
+            let tap = self.distance(point + corner * REACH, nearby);
+            distance += 0.25 * tap;
+            gradient += corner * (tap / (4.0 * REACH));
+        }
+        (distance, gradient)
+    }
+
+    /// Every tube.
+    pub(super) fn everything(&self) -> Nearby {
+        (0..)
+            .zip(&self.parts)
+            .flat_map(|(part, tubes)| (0..tubes.tubes.len() as u16).map(move |tube| (part, tube)))
+            .collect()
+    }
+
+    /// Those of `candidates` that can shape the surface within `radius` of
+    /// `center`: tubes further off than the nearest by more than the ball and
+    /// two fillets allow have no say there.
+    pub(super) fn nearby(&self, candidates: &Nearby, center: Vec3, radius: f32) -> Nearby {
+        let distance = |&(part, tube): &(u16, u16)| {
+            self.parts[usize::from(part)].tubes[usize::from(tube)].distance(center)
+        };
+        let distances: Vec<f32> = candidates.iter().map(distance).collect();
+        let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
+        let reach = nearest + 2.0 * SLOPE * radius;
+        candidates
+            .iter()
+            .zip(distances)
+            .filter(|((part, _), distance)| {
+                *distance <= reach + 2.0 * self.parts[usize::from(*part)].blend
+            })
+            .map(|(id, _)| *id)
+            .collect()
+    }
+
+    /// The part whose own surface is nearest to `point`.
+    pub(super) fn nearest_part(&self, point: Vec3, nearby: &Nearby) -> usize {
+        let mut best = (f32::INFINITY, 0);
+        for group in nearby.chunk_by(|a, b| a.0 == b.0) {
+            let index = usize::from(group[0].0);
+            let distance = part_distance(&self.parts[index], point, group);
+            if distance < best.0 {
+                best = (distance, index);
+            }
+        }
+        best.1
+    }
+
+    /// A box around every tube, a little wide.
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+        let mut low = Vec3::INFINITY;
+        let mut high = Vec3::NEG_INFINITY;
+        for tube in self.parts.iter().flat_map(|part| &part.tubes) {
+            for end in 0..2 {
+                let center = tube.start + tube.span * end as f32;
+                let reach = (tube.radii + tube.radii_change * end as f32).max_element();
+                low = low.min(center - reach);
+                high = high.max(center + reach);
+            }
+        }
+        low.y = low.y.max(0.0);
+        (low, high)
+    }
+}
+
+fn part_distance(part: &Part, point: Vec3, group: &[(u16, u16)]) -> f32 {
+    group.iter().fold(f32::INFINITY, |least, (_, tube)| {
+        least.min(part.tubes[usize::from(*tube)].distance(point))
+    })
+}
+
+/// The quadratic polynomial smooth minimum: equal to `min` where `a` and `b`
+/// differ by more than `width`.
+fn smooth_min(a: f32, b: f32, width: f32) -> f32 {
+    let overlap = (width - (a - b).abs()).max(0.0);
+    let fillet = if overlap > 0.0 {
+        overlap * overlap / (4.0 * width)
+    } else {
+        0.0
+    };
+    a.min(b) - fillet
+}
+
+fn mirror(v: Vec3) -> Vec3 {
+    Vec3::new(v.x, v.y, -v.z)
+}
+
+/// Catmull-Rom subdivision, with the end sections doubled.
+fn subdivide(sections: &[Section]) -> Vec<Section> {
+    let last = sections.len() - 1;
+    let mut fine = Vec::with_capacity(last * LOFT_SUBDIVISIONS + 1);
+    for index in 0..last {
+        let [before, from, to, after] = [
+            sections[index.saturating_sub(1)],
+            sections[index],
+            sections[index + 1],
+            sections[(index + 2).min(last)],
+        ];
+        for step in 0..LOFT_SUBDIVISIONS {
+            let t = step as f32 / LOFT_SUBDIVISIONS as f32;
+            let weights = [
+                t * (t * (1.0 - 0.5 * t) - 0.5),
+                t * t * (1.5 * t - 2.5) + 1.0,
+                t * (t * (2.0 - 1.5 * t) + 0.5),
+                t * t * (0.5 * t - 0.5),
+            ];
+            let mix = |value: fn(&Section) -> f32| {
+                weights[0] * value(&before)
+                    + weights[1] * value(&from)
+                    + weights[2] * value(&to)
+                    + weights[3] * value(&after)
+            };
+            fine.push(Section {
+                center: Vec3::new(mix(|s| s.center.x), mix(|s| s.center.y), mix(|s| s.center.z)),
+                depth: mix(|s| s.depth),
+                width: mix(|s| s.width),
+            });
+        }
+    }
+    fine.push(sections[last]);
+    fine
+}

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::check_frame_index;
+use super::curve::hermite;
 use super::implicit::{Body, Part};
 use super::skeleton::{Pose, Skeleton};
 use super::skinning::Skin;
@@ -56,7 +57,13 @@ impl Rig {
         for (side, part) in [("r", part.clone()), ("l", part.mirrored())] {
             let sided: Vec<String> = bones
                 .iter()
-                .map(|name| if name.ends_with('.') { format!("{name}{side}") } else { (*name).to_owned() })
+                .map(|name| {
+                    if name.ends_with('.') {
+                        format!("{name}{side}")
+                    } else {
+                        (*name).to_owned()
+                    }
+                })
                 .collect();
             let sided: Vec<&str> = sided.iter().map(String::as_str).collect();
             self.add(part, &sided, softness, color);
@@ -65,7 +72,12 @@ impl Rig {
 
     /// Meshes the body with cells of edge `cell` and binds it to the bones.
     pub(super) fn skin(&self, cell: f32, paint: Paint) -> Skin {
-        Skin::bind(surface_nets::mesh(&self.body, cell), &self.body, &self.skeleton, paint)
+        Skin::bind(
+            surface_nets::mesh(&self.body, cell),
+            &self.body,
+            &self.skeleton,
+            paint,
+        )
     }
 }
 
@@ -111,6 +123,15 @@ impl FrameSource for Animal {
     }
 }
 
+/// `color` with a spot on it: `ink` up to `inner` from its middle, fading out
+/// towards `outer`.
+pub(super) fn spot(color: [u8; 3], ink: [u8; 3], distance: f32, inner: f32, outer: f32) -> [u8; 3] {
+    let cover = ((outer - distance) / (outer - inner)).clamp(0.0, 1.0);
+    std::array::from_fn(|i| {
+        (f32::from(color[i]) * (1.0 - cover) + f32::from(ink[i]) * cover).round() as u8
+    })
+}
+
 /// The path of a toe relative to where it stands at rest, for one gait cycle
 /// that begins at touchdown.
 pub(super) struct FootPath {
@@ -135,7 +156,7 @@ impl FootPath {
         // Leaving and meeting the ground at half its speed looks unhurried
         // and keeps the overshoot within reach.
         let slope = 0.5 * sweep * (1.0 - self.duty) / self.duty;
-        let x = super::curve::hermite(self.liftoff, slope, self.touchdown, slope, t);
+        let x = hermite(self.liftoff, slope, self.touchdown, slope, t);
         // Rises faster than it comes down: t (1 - t)^2 is highest at 1/3,
         // where it is 4/27.
         let y = self.lift * t * (1.0 - t) * (1.0 - t) * 27.0 / 4.0;

@@ -15,7 +15,13 @@ pub(super) fn sin_cos(turns: f64) -> (f64, f64) {
     // 1 / n!, odd for the sine and even for the cosine.
     let sin = x * series(
         0.0,
-        [1.0 / 362_880.0, -1.0 / 5_040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0],
+        [
+            1.0 / 362_880.0,
+            -1.0 / 5_040.0,
+            1.0 / 120.0,
+            -1.0 / 6.0,
+            1.0,
+        ],
     );
     let cos = series(
         -1.0 / 3_628_800.0,

@@ -69,7 +69,10 @@ fn flip_once(positions: &[Vec3], triangles: &mut [[u32; 3]]) -> bool {
 fn opposite(triangle: [u32; 3], a: u32, b: u32) -> u32 {
     let [p, q, r] = triangle;
     // The three ends sum to a, b and the one looked for, in any order.
-    p.wrapping_add(q).wrapping_add(r).wrapping_sub(a).wrapping_sub(b)
+    p.wrapping_add(q)
+        .wrapping_add(r)
+        .wrapping_sub(a)
+        .wrapping_sub(b)
 }
 
 /// Cotangent of the angle at `apex` over the edge from `a` to `b`.

@@ -154,7 +154,13 @@ fn add_trunk(rig: &mut Rig) {
     );
     // Breast muscles to either side of the breastbone.
     rig.add_pair(
-        Part::ellipsoid([0.68, 1.10, 0.085], [0.3, 1.0, 0.0], Vec3::Z, [0.15, 0.10, 0.085], 0.06),
+        Part::ellipsoid(
+            [0.68, 1.10, 0.085],
+            [0.3, 1.0, 0.0],
+            Vec3::Z,
+            [0.15, 0.10, 0.085],
+            0.06,
+        ),
         &["chest"],
         1.0,
         COAT,
@@ -197,26 +203,50 @@ fn add_neck_and_head(rig: &mut Rig) {
     );
     // Jowl, and the brow over the eye.
     rig.add_pair(
-        Part::ellipsoid([1.285, 1.69, 0.035], [1.0, -0.8, 0.0], Vec3::Z, [0.10, 0.075, 0.045], 0.04),
+        Part::ellipsoid(
+            [1.285, 1.69, 0.035],
+            [1.0, -0.8, 0.0],
+            Vec3::Z,
+            [0.10, 0.075, 0.045],
+            0.04,
+        ),
         &["head"],
         0.3,
         COAT,
     );
     rig.add_pair(
-        Part::ellipsoid([1.36, 1.765, 0.060], [1.0, -0.9, 0.0], Vec3::Z, [0.055, 0.035, 0.032], 0.03),
+        Part::ellipsoid(
+            [1.36, 1.765, 0.060],
+            [1.0, -0.9, 0.0],
+            Vec3::Z,
+            [0.055, 0.035, 0.032],
+            0.03,
+        ),
         &["head"],
         0.3,
         COAT,
     );
     // Nostrils, lips and chin.
     rig.add_pair(
-        Part::ellipsoid([1.665, 1.445, 0.034], [1.0, -0.9, 0.0], Vec3::Z, [0.042, 0.034, 0.026], 0.03),
+        Part::ellipsoid(
+            [1.665, 1.445, 0.034],
+            [1.0, -0.9, 0.0],
+            Vec3::Z,
+            [0.042, 0.034, 0.026],
+            0.03,
+        ),
         &["head"],
         0.2,
         MUZZLE,
     );
     rig.add(
-        Part::ellipsoid([1.61, 1.405, 0.0], [1.0, -0.8, 0.0], Vec3::Z, [0.055, 0.030, 0.036], 0.03),
+        Part::ellipsoid(
+            [1.61, 1.405, 0.0],
+            [1.0, -0.8, 0.0],
+            Vec3::Z,
+            [0.055, 0.030, 0.036],
+            0.03,
+        ),
         &["head"],
         0.2,
         MUZZLE,
@@ -241,7 +271,13 @@ fn add_neck_and_head(rig: &mut Rig) {
 fn add_hind_legs(rig: &mut Rig) {
     // Haunch, thigh and the hamstrings behind it.
     rig.add_pair(
-        Part::ellipsoid([-0.54, 1.27, 0.115], [0.55, -1.0, 0.05], Vec3::Z, [0.31, 0.24, 0.125], 0.10),
+        Part::ellipsoid(
+            [-0.54, 1.27, 0.115],
+            [0.55, -1.0, 0.05],
+            Vec3::Z,
+            [0.31, 0.24, 0.125],
+            0.10,
+        ),
         &["pelvis", "femur."],
         1.0,
         COAT,
@@ -315,19 +351,37 @@ fn add_forelegs(rig: &mut Rig) {
     // Shoulder blade with its muscles, and the triceps that fills the angle
     // between it and the elbow.
     rig.add_pair(
-        Part::ellipsoid([0.53, 1.27, 0.135], [0.23, -0.40, 0.05], Vec3::Z, [0.27, 0.13, 0.085], 0.08),
+        Part::ellipsoid(
+            [0.53, 1.27, 0.135],
+            [0.23, -0.40, 0.05],
+            Vec3::Z,
+            [0.27, 0.13, 0.085],
+            0.08,
+        ),
         &["chest", "scapula."],
         1.0,
         COAT,
     );
     rig.add_pair(
-        Part::ellipsoid([0.48, 1.06, 0.150], [0.20, 0.20, 0.0], Vec3::Z, [0.19, 0.13, 0.080], 0.07),
+        Part::ellipsoid(
+            [0.48, 1.06, 0.150],
+            [0.20, 0.20, 0.0],
+            Vec3::Z,
+            [0.19, 0.13, 0.080],
+            0.07,
+        ),
         &["scapula.", "humerus."],
         1.0,
         COAT,
     );
     rig.add_pair(
-        Part::ellipsoid([0.64, 1.10, 0.145], [0.1, -1.0, 0.0], Vec3::Z, [0.12, 0.085, 0.070], 0.06),
+        Part::ellipsoid(
+            [0.64, 1.10, 0.145],
+            [0.1, -1.0, 0.0],
+            Vec3::Z,
+            [0.12, 0.085, 0.070],
+            0.06,
+        ),
         &["scapula.", "humerus."],
         1.0,
         COAT,

@@ -333,7 +333,11 @@ fn subdivide(sections: &[Section]) -> Vec<Section> {
                     + weights[3] * value(&after)
             };
             fine.push(Section {
-                center: Vec3::new(mix(|s| s.center.x), mix(|s| s.center.y), mix(|s| s.center.z)),
+                center: Vec3::new(
+                    mix(|s| s.center.x),
+                    mix(|s| s.center.y),
+                    mix(|s| s.center.z),
+                ),
                 depth: mix(|s| s.depth),
                 width: mix(|s| s.width),
             });

@@ -61,7 +61,9 @@ impl Limb {
         let to_ankle = goal.toe - digit_rotation * (rest[3].tail - rest[3].head) - root;
         let sideways = rest[3].head.z - rest[0].head.z;
         let across = DVec2::new(to_ankle.y, to_ankle.z);
-        let down = -(across.length_squared() - sideways * sideways).max(0.0).sqrt();
+        let down = -(across.length_squared() - sideways * sideways)
+            .max(0.0)
+            .sqrt();
         let tilt = quotient(across, DVec2::new(down, sideways));
 
         let segments = [0, 1, 2].map(|i| (rest[i].tail - rest[i].head).truncate());
@@ -109,7 +111,9 @@ impl Limb {
 /// `target`; `side` says on which side of the target the first one lies.
 fn two_bone(first: DVec2, second: DVec2, target: DVec2, side: f64) -> (DVec2, DVec2) {
     let (a, b) = (first.length(), second.length());
-    let distance = target.length().clamp((a - b).abs() * 1.001, (a + b) * 0.999);
+    let distance = target
+        .length()
+        .clamp((a - b).abs() * 1.001, (a + b) * 0.999);
     let direction = target.normalize_or(DVec2::NEG_Y);
     let cos = ((a * a + distance * distance - b * b) / (2.0 * a * distance)).clamp(-1.0, 1.0);
     let sin = side * (1.0 - cos * cos).sqrt();
@@ -166,9 +170,19 @@ mod tests {
             ] {
                 let mut pose = Pose::new(&skeleton);
                 let toe = DVec3::new(x, y, z);
-                limb.reach(&mut pose, LimbGoal { toe, heel_lift, fold });
+                limb.reach(
+                    &mut pose,
+                    LimbGoal {
+                        toe,
+                        heel_lift,
+                        fold,
+                    },
+                );
                 let moved = |id: BoneId, point| pose.motions[usize::from(id)].apply(point);
-                assert!(moved(4, skeleton.get(4).tail).distance(toe) < 1e-9, "{kind:?} {toe}");
+                assert!(
+                    moved(4, skeleton.get(4).tail).distance(toe) < 1e-9,
+                    "{kind:?} {toe}"
+                );
                 for id in 1..4 {
                     let joint = skeleton.get(id).tail;
                     assert!(moved(id, joint).distance(moved(id + 1, joint)) < 1e-9);
@@ -184,9 +198,19 @@ mod tests {
             let limb = Limb::new(&skeleton, kind, ["a", "b", "c", "d"], "");
             let mut pose = Pose::new(&skeleton);
             let toe = skeleton.get(4).tail;
-            limb.reach(&mut pose, LimbGoal { toe, heel_lift: 0.0, fold: 0.0 });
+            limb.reach(
+                &mut pose,
+                LimbGoal {
+                    toe,
+                    heel_lift: 0.0,
+                    fold: 0.0,
+                },
+            );
             for motion in &pose.motions {
-                assert!(motion.apply(DVec3::ONE).distance(DVec3::ONE) < 1e-6, "{kind:?}");
+                assert!(
+                    motion.apply(DVec3::ONE).distance(DVec3::ONE) < 1e-6,
+                    "{kind:?}"
+                );
             }
         }
     }
@@ -197,8 +221,19 @@ mod tests {
         let limb = Limb::new(&skeleton, LimbKind::Hind, ["a", "b", "c", "d"], "");
         for toe in [DVec3::new(9.0, -9.0, 3.0), DVec3::new(0.0, 1.2, 0.14)] {
             let mut pose = Pose::new(&skeleton);
-            limb.reach(&mut pose, LimbGoal { toe, heel_lift: 0.0, fold: 170.0 });
-            assert!(pose.motions.iter().all(|m| m.rotation.is_finite() && m.translation.is_finite()));
+            limb.reach(
+                &mut pose,
+                LimbGoal {
+                    toe,
+                    heel_lift: 0.0,
+                    fold: 170.0,
+                },
+            );
+            assert!(
+                pose.motions
+                    .iter()
+                    .all(|m| m.rotation.is_finite() && m.translation.is_finite())
+            );
         }
     }
 }

@@ -8,6 +8,7 @@
 mod animal;
 mod curve;
 mod edge_flips;
+mod elephant;
 mod horse;
 mod implicit;
 mod limb;
@@ -38,7 +39,7 @@ pub struct BuiltinScene {
 }
 
 /// Every built-in scene, by rising triangle count.
-static SCENES: &[BuiltinScene] = &[horse::SCENE];
+static SCENES: &[BuiltinScene] = &[horse::SCENE, elephant::SCENE];
 
 /// Every built-in scene, by rising triangle count.
 pub fn list() -> &'static [BuiltinScene] {

@@ -21,6 +21,9 @@ const INFLUENCES: usize = 6;
 /// either way, the square root of the rounds.
 const DIFFUSIONS: usize = 24;
 
+/// Rounds for colours, which only have to lose the steps of the mesh.
+const TINT_DIFFUSIONS: usize = 2;
+
 /// A surface bound to a skeleton.
 pub(super) struct Skin {
     /// Rest positions.
@@ -37,31 +40,28 @@ impl Skin {
     pub(super) fn bind(surface: Surface, body: &Body, skeleton: &Skeleton, paint: Paint) -> Self {
         let parts = || surface.parts.iter().map(|&part| &body.parts[part]);
         let softness: Vec<f32> = parts().map(|part| part.softness).collect();
-        // Colours diffuse in columns of their own, beside the bones.
         let bone_count = skeleton.bones().len();
-        let columns = bone_count + 3;
-        let mut values = vec![0.0f32; surface.positions.len() * columns];
-        for ((row, part), position) in values
-            .chunks_mut(columns)
+        let mut weights = vec![0.0f32; surface.positions.len() * bone_count];
+        for ((row, part), position) in weights
+            .chunks_mut(bone_count)
             .zip(parts())
             .zip(&surface.positions)
         {
             row[usize::from(nearest_bone(skeleton, &part.bones, *position))] = 1.0;
-            for (value, channel) in row[bone_count..].iter_mut().zip(part.color) {
-                *value = f32::from(channel);
-            }
         }
-        let values = diffuse(values, columns, &surface.neighbors, &softness);
-        let influences = values
-            .chunks(columns)
-            .map(|row| strongest(&row[..bone_count]))
-            .collect();
-        let colors = values
-            .chunks(columns)
+        let weights = diffuse(weights, &surface.neighbors, &softness, DIFFUSIONS);
+        let tints = parts().flat_map(|part| part.color.map(f32::from)).collect();
+        let even = vec![0.5; softness.len()];
+        let tints = diffuse(tints, &surface.neighbors, &even, TINT_DIFFUSIONS);
+        let influences = weights.chunks(bone_count).map(strongest).collect();
+        let colors = tints
+            .chunks(3)
             .zip(&surface.positions)
-            .map(|(row, position)| {
-                let color = [0, 1, 2].map(|channel| row[bone_count + channel].round() as u8);
-                paint(*position, color)
+            .map(|(tint, position)| {
+                paint(
+                    *position,
+                    [tint[0], tint[1], tint[2]].map(|v| v.round() as u8),
+                )
             })
             .collect();
         Self {
@@ -91,20 +91,23 @@ fn nearest_bone(skeleton: &Skeleton, bones: &[BoneId], position: Vec3) -> BoneId
         let along = (position - head).dot(span) / span.length_squared();
         position.distance_squared(head + span * along.clamp(0.0, 1.0))
     };
-    let nearest = bones.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest = bones
+        .iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)));
     *nearest.expect("every part names the bones that carry it")
 }
 
-/// Diffuses each column: a vertex goes towards the mean of its neighbors by
-/// its softness.
+/// Diffuses rows of values, one row a vertex: a vertex goes towards the mean
+/// of its neighbors by its softness.
 fn diffuse(
     mut values: Vec<f32>,
-    columns: usize,
     neighbors: &Neighbors,
     softness: &[f32],
+    rounds: usize,
 ) -> Vec<f32> {
+    let columns = values.len() / softness.len();
     let mut next = values.clone();
-    for _ in 0..DIFFUSIONS {
+    for _ in 0..rounds {
         next.par_chunks_mut(columns)
             .enumerate()
             .for_each(|(vertex, row)| {
@@ -130,7 +133,11 @@ fn diffuse(
 fn strongest(weights: &[f32]) -> [(BoneId, f32); INFLUENCES] {
     let mut ranked: Vec<(BoneId, f32)> = (0..).zip(weights.iter().copied()).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let sum: f32 = ranked.iter().take(INFLUENCES).map(|(_, weight)| weight).sum();
+    let sum: f32 = ranked
+        .iter()
+        .take(INFLUENCES)
+        .map(|(_, weight)| weight)
+        .sum();
     std::array::from_fn(|rank| {
         let (bone, weight) = ranked.get(rank).copied().unwrap_or((ranked[0].0, 0.0));
         (bone, weight / sum)
@@ -219,7 +226,10 @@ mod tests {
             rotation: -motion.rotation,
             ..motion
         };
-        let bones = [DualQuaternion::from(&motion), DualQuaternion::from(&flipped)];
+        let bones = [
+            DualQuaternion::from(&motion),
+            DualQuaternion::from(&flipped),
+        ];
         let mut influences = [(0, 0.0); INFLUENCES];
         influences[0] = (0, 0.6);
         influences[1] = (1, 0.4);

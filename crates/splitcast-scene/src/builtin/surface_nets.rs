@@ -244,9 +244,8 @@ impl Grid {
                     quad.reverse();
                 }
                 let [a, b, c, d] = quad;
-                let diagonal = |p: u32, q: u32| {
-                    positions[p as usize].distance_squared(positions[q as usize])
-                };
+                let diagonal =
+                    |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
                 if diagonal(a, c) <= diagonal(b, d) {
                     triangles.extend([[a, b, c], [a, c, d]]);
                 } else {
@@ -260,12 +259,7 @@ impl Grid {
 
 /// One round of relaxation: every vertex moves half way to the mean of its
 /// neighbors, but only along the surface, and one Newton step towards it.
-fn relax(
-    body: &Body,
-    nearby: &[Nearby],
-    neighbors: &Neighbors,
-    positions: &[Vec3],
-) -> Vec<Vec3> {
+fn relax(body: &Body, nearby: &[Nearby], neighbors: &Neighbors, positions: &[Vec3]) -> Vec<Vec3> {
     positions
         .par_iter()
         .enumerate()

@@ -10,7 +10,7 @@
 use glam::{DVec3, Vec3};
 
 use super::BuiltinScene;
-use super::animal::{Animal, FootPath, Rig, spot};
+use super::animal::{Animal, FootPath, Rig, mottle, spot};
 use super::curve::{cos, cycle};
 use super::implicit::{Part, Section, section};
 use super::limb::{Limb, LimbGoal, LimbKind};
@@ -113,7 +113,7 @@ fn add_bones(rig: &mut Rig) {
             [-0.82, 1.10, 0.42],
             [-0.98, 0.52, 0.40],
             [-0.95, 0.22, 0.40],
-            [-0.78, 0.00, 0.40],
+            [-0.68, 0.00, 0.40],
         ],
     );
     rig.bone_pairs(
@@ -125,7 +125,7 @@ fn add_bones(rig: &mut Rig) {
             [0.76, 1.42, 0.44],
             [0.84, 0.62, 0.43],
             [0.85, 0.24, 0.43],
-            [1.06, 0.00, 0.43],
+            [1.13, 0.00, 0.43],
         ],
     );
 }
@@ -281,42 +281,18 @@ fn add_ears(rig: &mut Rig) {
     let bones = ["ear.", "ear_middle.", "ear_edge."];
     // Each piece lies in the plane of the ear: long axis near upright, wide
     // along the sheet, thin across it.
-    rig.add_pair(
-        Part::ellipsoid(
-            [1.25, 2.62, 0.72],
-            [0.10, 1.0, 0.0],
-            SHEET,
-            [0.52, 0.050, 0.44],
-            0.10,
-        ),
-        &bones,
-        0.6,
-        EAR,
-    );
-    rig.add_pair(
-        Part::ellipsoid(
-            [1.20, 2.34, 0.80],
-            [0.16, 1.0, -0.06],
-            SHEET,
-            [0.58, 0.046, 0.34],
-            0.14,
-        ),
-        &bones,
-        0.6,
-        EAR,
-    );
-    rig.add_pair(
-        Part::ellipsoid(
-            [1.32, 2.02, 0.68],
-            [0.30, 1.0, -0.20],
-            SHEET,
-            [0.32, 0.044, 0.19],
-            0.16,
-        ),
-        &bones,
-        0.6,
-        EAR,
-    );
+    for (center, axis, half_sizes) in [
+        ([1.24, 2.58, 0.72], [0.10, 1.0, 0.0], [0.50, 0.44]),
+        ([1.20, 2.36, 0.78], [0.14, 1.0, -0.06], [0.56, 0.36]),
+        ([1.31, 2.05, 0.68], [0.30, 1.0, -0.20], [0.30, 0.20]),
+    ] {
+        rig.add_pair(
+            Part::plate(center, axis, SHEET, half_sizes, 0.036, 0.12),
+            &bones,
+            0.6,
+            EAR,
+        );
+    }
     // The root along the side of the head.
     rig.add_pair(
         Part::loft(
@@ -378,8 +354,8 @@ fn add_trunk_and_tusks(rig: &mut Rig) {
                 section([2.28, 1.88, 0.31], 0.070, 0.070),
                 section([2.54, 1.73, 0.36], 0.062, 0.062),
                 section([2.82, 1.70, 0.36], 0.050, 0.050),
-                section([3.04, 1.80, 0.32], 0.030, 0.030),
-                section([3.11, 1.87, 0.30], 0.014, 0.014),
+                section([3.04, 1.80, 0.32], 0.034, 0.034),
+                section([3.11, 1.87, 0.30], 0.024, 0.024),
             ],
             Vec3::Z,
             0.015,
@@ -394,11 +370,11 @@ fn add_hind_legs(rig: &mut Rig) {
     // Haunch and the long thigh.
     rig.add_pair(
         Part::ellipsoid(
-            [-0.98, 2.12, 0.30],
-            [0.05, 1.0, 0.0],
+            [-0.98, 2.10, 0.36],
+            [0.10, 1.0, 0.0],
             Vec3::Z,
-            [0.55, 0.44, 0.30],
-            0.15,
+            [0.55, 0.40, 0.27],
+            0.12,
         ),
         &["pelvis", "femur."],
         1.0,
@@ -421,23 +397,18 @@ fn add_hind_legs(rig: &mut Rig) {
         0.9,
         HIDE,
     );
-    add_foot(
-        rig,
-        [-0.95, 0.30, 0.40],
-        0.20,
-        &["metatarsus.", "hind_foot."],
-    );
+    add_foot(rig, [-0.95, 0.30, 0.40], 0.20, "hind_foot.");
 }
 
 fn add_forelegs(rig: &mut Rig) {
     // Shoulder and upper arm.
     rig.add_pair(
         Part::ellipsoid(
-            [0.83, 2.25, 0.34],
-            [0.25, -1.0, 0.08],
+            [0.80, 2.22, 0.45],
+            [0.22, -1.0, 0.06],
             Vec3::Z,
-            [0.58, 0.32, 0.22],
-            0.15,
+            [0.56, 0.27, 0.19],
+            0.10,
         ),
         &["chest", "scapula."],
         1.0,
@@ -460,16 +431,11 @@ fn add_forelegs(rig: &mut Rig) {
         0.9,
         HIDE,
     );
-    add_foot(
-        rig,
-        [0.85, 0.32, 0.43],
-        0.215,
-        &["metacarpus.", "fore_foot."],
-    );
+    add_foot(rig, [0.85, 0.32, 0.43], 0.215, "fore_foot.");
 }
 
 /// The round cushion of a foot below `[x, y, z]`, with its nails.
-fn add_foot(rig: &mut Rig, [x, y, z]: [f32; 3], radius: f32, bones: &[&str]) {
+fn add_foot(rig: &mut Rig, [x, y, z]: [f32; 3], radius: f32, bone: &str) {
     rig.add_pair(
         Part::loft(
             &[
@@ -480,7 +446,7 @@ fn add_foot(rig: &mut Rig, [x, y, z]: [f32; 3], radius: f32, bones: &[&str]) {
             Vec3::Z,
             0.06,
         ),
-        bones,
+        &[bone],
         0.3,
         FOOT,
     );
@@ -501,7 +467,7 @@ fn add_foot(rig: &mut Rig, [x, y, z]: [f32; 3], radius: f32, bones: &[&str]) {
                 [0.055, 0.030, 0.050],
                 0.02,
             ),
-            &bones[1..],
+            &[bone],
             0.1,
             NAIL,
         );
@@ -542,8 +508,10 @@ fn add_tail(rig: &mut Rig) {
     );
 }
 
-/// Eyes, and folds across the trunk.
+/// Dusty skin, and eyes.
 fn paint(position: Vec3, color: [u8; 3]) -> [u8; 3] {
+    let color = mottle(color, position, 4.0, 0.10);
+    let color = mottle(color, position, 14.0, 0.08);
     let aside = Vec3::new(position.x, position.y, position.z.abs());
     spot(
         color,
@@ -645,7 +613,7 @@ fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         (0.0, 0.0),
         (0.50, 0.0),
         (0.70, 24.0),
-        (0.80, 42.0),
+        (0.80, 50.0),
         (0.92, 6.0),
         (0.97, 0.0),
     ];
@@ -663,7 +631,7 @@ fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         side,
     );
     let goal = LimbGoal {
-        toe: DVec3::new(-0.78, 0.0, 0.36 * sign) + PATH.at(phase),
+        toe: DVec3::new(-0.68, 0.0, 0.36 * sign) + PATH.at(phase),
         heel_lift: cycle(&HEEL_LIFT, phase),
         fold: cycle(&FOLD, phase),
     };
@@ -681,7 +649,7 @@ fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         (0.0, 0.0),
         (0.50, 0.0),
         (0.70, 26.0),
-        (0.79, 58.0),
+        (0.79, 66.0),
         (0.92, 8.0),
         (0.97, 0.0),
     ];
@@ -689,7 +657,7 @@ fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         (0.0, 0.0),
         (0.5, 0.0),
         (0.68, 6.0),
-        (0.80, 48.0),
+        (0.80, 40.0),
         (0.90, 12.0),
         (0.96, 0.0),
     ];
@@ -706,7 +674,7 @@ fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         side,
     );
     let goal = LimbGoal {
-        toe: DVec3::new(1.06, 0.0, 0.39 * sign) + path,
+        toe: DVec3::new(1.13, 0.0, 0.39 * sign) + path,
         heel_lift: cycle(&HEEL_LIFT, phase),
         fold: cycle(&FOLD, phase),
     };

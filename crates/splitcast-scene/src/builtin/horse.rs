@@ -8,7 +8,7 @@
 use glam::{DVec3, Vec3};
 
 use super::BuiltinScene;
-use super::animal::{Animal, FootPath, Rig};
+use super::animal::{Animal, FootPath, Rig, mottle, spot};
 use super::curve::{cos, cycle};
 use super::implicit::{Part, Section, section};
 use super::limb::{Limb, LimbGoal, LimbKind};
@@ -121,12 +121,12 @@ fn add_trunk(rig: &mut Rig) {
         Part::loft(
             &[
                 slice(0.70, 1.34, 1.00, 0.13),
-                slice(0.56, 1.47, 0.87, 0.19),
-                slice(0.36, 1.54, 0.80, 0.225),
-                slice(0.12, 1.51, 0.77, 0.265),
-                slice(-0.12, 1.495, 0.80, 0.275),
-                slice(-0.32, 1.525, 0.90, 0.245),
-                slice(-0.50, 1.55, 1.00, 0.22),
+                slice(0.56, 1.47, 0.89, 0.19),
+                slice(0.36, 1.54, 0.835, 0.225),
+                slice(0.12, 1.51, 0.815, 0.260),
+                slice(-0.12, 1.495, 0.85, 0.270),
+                slice(-0.32, 1.52, 0.955, 0.240),
+                slice(-0.50, 1.545, 1.05, 0.22),
                 slice(-0.68, 1.49, 1.08, 0.17),
                 slice(-0.77, 1.42, 1.16, 0.12),
             ],
@@ -469,9 +469,9 @@ fn add_hair(rig: &mut Rig) {
             Part::loft(
                 &[
                     section([x + 0.03, y - 0.05, 0.0], 0.055, 0.030),
-                    section([x - 0.3 * length, y + 0.10 * length, 0.004], 0.055, 0.030),
-                    section([x - 0.9 * length, y + 0.22 * length, 0.012], 0.036, 0.024),
-                    section([x - 1.4 * length, y + 0.15 * length, 0.018], 0.012, 0.012),
+                    section([x - 0.3 * length, y + 0.20 * length, 0.004], 0.058, 0.030),
+                    section([x - 0.95 * length, y + 0.36 * length, 0.014], 0.044, 0.026),
+                    section([x - 1.6 * length, y + 0.22 * length, 0.022], 0.018, 0.016),
                 ],
                 Vec3::Z,
                 0.03,
@@ -518,20 +518,16 @@ fn add_hair(rig: &mut Rig) {
     );
 }
 
-/// Eyes, nostrils and white marks.
+/// A coat that is not all one brown, eyes, nostrils and a star.
 fn paint(position: Vec3, color: [u8; 3]) -> [u8; 3] {
+    let color = mottle(color, position, 5.0, 0.10);
     let aside = Vec3::new(position.x, position.y, position.z.abs());
-    if aside.distance(Vec3::new(1.365, 1.745, 0.09)) < 0.026 {
-        return [16, 12, 12];
-    }
-    if aside.distance(Vec3::new(1.70, 1.425, 0.045)) < 0.02 {
-        return [24, 16, 16];
-    }
-    let star = position.distance(Vec3::new(1.43, 1.765, 0.0));
-    if star < 0.04 {
-        return WHITE;
-    }
-    color
+    let eye = aside.distance(Vec3::new(1.365, 1.745, 0.09));
+    let nostril = aside.distance(Vec3::new(1.70, 1.425, 0.045));
+    let star = position.distance(Vec3::new(1.42, 1.775, 0.0));
+    let color = spot(color, WHITE, star, 0.03, 0.065);
+    let color = spot(color, [20, 14, 14], nostril, 0.01, 0.04);
+    spot(color, [14, 10, 10], eye, 0.018, 0.045)
 }
 
 /// The gallop. All phases are in strides after the trailing hind touches down.

@@ -1,4 +1,4 @@
-//! Implicit bodies: smooth unions of tubes with elliptic cross-sections and
+//! Implicit bodies: smooth unions of pieces with elliptic cross-sections and
 //! of ellipsoids (metaballs' descendants; Bloomenthal and Shoemake,
 //! "Convolution Surfaces", 1991, and the polynomial smooth minimum of
 //! Quilez, "Smooth minimum", 2013).
@@ -16,7 +16,7 @@ pub(super) const SLOPE: f32 = 1.3;
 
 /// Segments that a loft gets between two of its sections: enough that the
 /// kinks between them stay below the cell size of the meshes.
-const LOFT_SUBDIVISIONS: usize = 4;
+const LOFT_SUBDIVISIONS: usize = 8;
 
 /// A cross-section of a loft.
 #[derive(Clone, Copy, Debug)]
@@ -37,10 +37,9 @@ pub(super) const fn section(center: [f32; 3], depth: f32, width: f32) -> Section
     }
 }
 
-/// A tube of elliptic cross-section with rounded ends, or an ellipsoid where
-/// both ends coincide and `cap` says how far it reaches along the axis.
+/// What a part is made of, about a segment of its axis.
 #[derive(Clone, Debug)]
-struct Tube {
+struct Piece {
     start: Vec3,
     span: Vec3,
     inverse_span_squared: f32,
@@ -50,10 +49,13 @@ struct Tube {
     /// Depth, width and cap radius at the start and the change to the end.
     radii: Vec3,
     radii_change: Vec3,
+    /// Half thickness of a plate: an ellipse across `up`, rounded at the rim.
+    plate: Option<f32>,
 }
 
-impl Tube {
-    fn new(start: Section, end: Section, side: Vec3) -> Self {
+impl Piece {
+    /// A tube of elliptic cross-section with rounded ends.
+    fn tube(start: Section, end: Section, side: Vec3) -> Self {
         let span = end.center - start.center;
         let axis = span.normalize();
         let side = (side - axis * side.dot(axis)).normalize();
@@ -67,9 +69,11 @@ impl Tube {
             up: side.cross(axis),
             radii: radii(start),
             radii_change: radii(end) - radii(start),
+            plate: None,
         }
     }
 
+    /// An ellipsoid; a plate too, but for its thickness.
     fn ellipsoid(center: Vec3, axis: Vec3, side: Vec3, [along, depth, width]: [f32; 3]) -> Self {
         let axis = axis.normalize();
         let side = (side - axis * side.dot(axis)).normalize();
@@ -82,6 +86,7 @@ impl Tube {
             up: side.cross(axis),
             radii: Vec3::new(depth, width, along),
             radii_change: Vec3::ZERO,
+            plate: None,
         }
     }
 
@@ -96,9 +101,6 @@ impl Tube {
         }
     }
 
-    /// Signed distance to first order: `k0 (k0 - 1) / k1`, with `k0` the
-    /// ellipse's own norm and `k1` the length of its gradient times `k0`
-    /// (Quilez, "Ellipsoid SDF").
     fn distance(&self, point: Vec3) -> f32 {
         let from_start = point - self.start;
         let along = (from_start.dot(self.span) * self.inverse_span_squared).clamp(0.0, 1.0);
@@ -109,20 +111,33 @@ impl Tube {
             offset.dot(self.side),
             offset.dot(self.axis),
         );
-        let scaled = local / radii;
-        let gradient_squared = (scaled / radii).length_squared();
-        if gradient_squared < 1e-12 {
-            return -radii.min_element();
-        }
-        let k0 = scaled.length();
-        k0 * (k0 - 1.0) / gradient_squared.sqrt()
+        let Some(half_thickness) = self.plate else {
+            return first_order(local, radii);
+        };
+        let rim = first_order(local * Vec3::new(0.0, 1.0, 1.0), radii);
+        let outside = Vec3::new(rim.max(0.0), local.x, 0.0).length();
+        outside - half_thickness
     }
 }
 
-/// A piece of a body that is one union of tubes and joins the rest smoothly.
+/// Signed distance to an ellipsoid to first order: `k0 (k0 - 1) / k1`, with
+/// `k0` its own norm and `k1` the length of the gradient of `k0^2 / 2`
+/// (Quilez, "Ellipsoid SDF").
+fn first_order(local: Vec3, radii: Vec3) -> f32 {
+    let inverse = radii.recip();
+    let scaled = local * inverse;
+    let gradient_squared = (scaled * inverse).length_squared();
+    if gradient_squared < 1e-12 {
+        return -radii.min_element();
+    }
+    let k0 = scaled.length();
+    k0 * (k0 - 1.0) / gradient_squared.sqrt()
+}
+
+/// A piece of a body that is one union of pieces and joins the rest smoothly.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    tubes: Vec<Tube>,
+    pieces: Vec<Piece>,
     /// Width of the fillet to the parts before it, metres.
     blend: f32,
     /// Bones that may carry the surface of this part.
@@ -141,7 +156,7 @@ impl Part {
         let fine = subdivide(sections);
         Self::of(
             fine.windows(2)
-                .map(|pair| Tube::new(pair[0], pair[1], side))
+                .map(|pair| Piece::tube(pair[0], pair[1], side))
                 .collect(),
             blend,
         )
@@ -155,13 +170,34 @@ impl Part {
         half_sizes: [f32; 3],
         blend: f32,
     ) -> Self {
-        let tube = Tube::ellipsoid(center.into(), axis.into(), side, half_sizes);
-        Self::of(vec![tube], blend)
+        let piece = Piece::ellipsoid(center.into(), axis.into(), side, half_sizes);
+        Self::of(vec![piece], blend)
     }
 
-    fn of(tubes: Vec<Tube>, blend: f32) -> Self {
+    /// A sheet of even thickness with a round rim: an ellipse with half sizes
+    /// along `axis` and along `side`.
+    pub(super) fn plate(
+        center: [f32; 3],
+        axis: [f32; 3],
+        side: Vec3,
+        [along, width]: [f32; 2],
+        half_thickness: f32,
+        blend: f32,
+    ) -> Self {
+        let half_sizes = [along - half_thickness, 1.0, width - half_thickness];
+        let ellipse = Piece::ellipsoid(center.into(), axis.into(), side, half_sizes);
+        Self::of(
+            vec![Piece {
+                plate: Some(half_thickness),
+                ..ellipse
+            }],
+            blend,
+        )
+    }
+
+    fn of(pieces: Vec<Piece>, blend: f32) -> Self {
         Self {
-            tubes,
+            pieces,
             blend,
             bones: Vec::new(),
             softness: 1.0,
@@ -182,7 +218,7 @@ impl Part {
     /// The same shape on the other side of the plane z = 0; bones are left out.
     pub(super) fn mirrored(&self) -> Self {
         Self {
-            tubes: self.tubes.iter().map(Tube::mirrored).collect(),
+            pieces: self.pieces.iter().map(Piece::mirrored).collect(),
             bones: Vec::new(),
             ..self.clone()
         }
@@ -195,11 +231,11 @@ pub(super) struct Body {
     pub(super) parts: Vec<Part>,
 }
 
-/// The tubes that matter in some ball, as (part, tube) in order.
+/// The pieces that matter in some ball, as (part, tube) in order.
 pub(super) type Nearby = Vec<(u16, u16)>;
 
 impl Body {
-    /// Signed distance estimate, negative inside, from the tubes of `nearby`.
+    /// Signed distance estimate, negative inside, from the pieces of `nearby`.
     pub(super) fn distance(&self, point: Vec3, nearby: &Nearby) -> f32 {
         let mut total = f32::INFINITY;
         for group in nearby.chunk_by(|a, b| a.0 == b.0) {
@@ -231,16 +267,16 @@ impl Body {
     pub(super) fn everything(&self) -> Nearby {
         (0..)
             .zip(&self.parts)
-            .flat_map(|(part, tubes)| (0..tubes.tubes.len() as u16).map(move |tube| (part, tube)))
+            .flat_map(|(id, part)| (0..part.pieces.len() as u16).map(move |piece| (id, piece)))
             .collect()
     }
 
     /// Those of `candidates` that can shape the surface within `radius` of
-    /// `center`: tubes further off than the nearest by more than the ball and
-    /// two fillets allow have no say there.
+    /// `center`: pieces further off than the nearest by more than the ball and
+    /// its fillet allow have no say there.
     pub(super) fn nearby(&self, candidates: &Nearby, center: Vec3, radius: f32) -> Nearby {
-        let distance = |&(part, tube): &(u16, u16)| {
-            self.parts[usize::from(part)].tubes[usize::from(tube)].distance(center)
+        let distance = |&(part, piece): &(u16, u16)| {
+            self.parts[usize::from(part)].pieces[usize::from(piece)].distance(center)
         };
         let distances: Vec<f32> = candidates.iter().map(distance).collect();
         let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
@@ -249,7 +285,7 @@ impl Body {
             .iter()
             .zip(distances)
             .filter(|((part, _), distance)| {
-                *distance <= reach + 2.0 * self.parts[usize::from(*part)].blend
+                *distance <= reach + self.parts[usize::from(*part)].blend
             })
             .map(|(id, _)| *id)
             .collect()
@@ -272,10 +308,10 @@ impl Body {
     pub(super) fn bounds(&self) -> (Vec3, Vec3) {
         let mut low = Vec3::INFINITY;
         let mut high = Vec3::NEG_INFINITY;
-        for tube in self.parts.iter().flat_map(|part| &part.tubes) {
+        for piece in self.parts.iter().flat_map(|part| &part.pieces) {
             for end in 0..2 {
-                let center = tube.start + tube.span * end as f32;
-                let reach = (tube.radii + tube.radii_change * end as f32).max_element();
+                let center = piece.start + piece.span * end as f32;
+                let reach = (piece.radii + piece.radii_change * end as f32).max_element();
                 low = low.min(center - reach);
                 high = high.max(center + reach);
             }
@@ -286,8 +322,8 @@ impl Body {
 }
 
 fn part_distance(part: &Part, point: Vec3, group: &[(u16, u16)]) -> f32 {
-    group.iter().fold(f32::INFINITY, |least, (_, tube)| {
-        least.min(part.tubes[usize::from(*tube)].distance(point))
+    group.iter().fold(f32::INFINITY, |least, (_, piece)| {
+        least.min(part.pieces[usize::from(*piece)].distance(point))
     })
 }
 

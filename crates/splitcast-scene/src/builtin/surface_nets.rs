@@ -10,17 +10,24 @@ use super::edge_flips::flip_edges;
 use super::implicit::{Body, Nearby, SLOPE};
 
 /// Cells along the edge of a block: blocks far from the surface are skipped,
-/// and within a block only the tubes nearby are looked at.
+/// and within a block only the pieces nearby are looked at.
 const BLOCK: i32 = 4;
 
-/// Rounds of relaxation: enough that the lattice no longer shows.
-const RELAXATIONS: usize = 12;
+/// Blocks along the edge of a region, the same a level up.
+const REGION: i32 = 4;
+
+/// Rounds of relaxation, so that the lattice no longer shows: each moves the
+/// vertices a few times, draws them to the surface and flips edges.
+const ROUNDS: usize = 3;
+
+/// Moves along the surface in one round.
+const MOVES: usize = 4;
+
+/// Newton steps at the end, each of which squares the error.
+const PROJECTIONS: usize = 2;
 
 /// Cells that a vertex may move from where it began; it moves less than one.
 const WANDERING: f32 = 1.5;
-
-/// Newton steps at the end, each of which squares the error.
-const PROJECTIONS: usize = 3;
 
 /// Cell corners in the order of their bits x, y, z.
 const CORNERS: [IVec3; 8] = [
@@ -89,22 +96,16 @@ pub(super) fn mesh(body: &Body, cell: f32) -> Surface {
         .zip(cells)
         .map(|(position, at)| body.nearby(grid.nearby(at), *position, WANDERING * cell))
         .collect();
-    for round in 0..RELAXATIONS {
+    for _ in 0..ROUNDS {
         let neighbors = Neighbors::new(positions.len(), &triangles);
-        positions = relax(body, &nearby, &neighbors, &positions);
-        if round % 4 == 3 {
-            flip_edges(&positions, &mut triangles);
+        for _ in 0..MOVES {
+            positions = relax(&neighbors, &triangles, &positions);
         }
+        project(body, &nearby, &mut positions, 1);
+        flip_edges(&positions, &mut triangles);
     }
+    project(body, &nearby, &mut positions, PROJECTIONS);
     let neighbors = Neighbors::new(positions.len(), &triangles);
-    positions
-        .par_iter_mut()
-        .zip(&nearby)
-        .for_each(|(position, nearby)| {
-            for _ in 0..PROJECTIONS {
-                *position += newton_step(body, nearby, *position).0;
-            }
-        });
     let parts = positions
         .par_iter()
         .zip(&nearby)
@@ -134,23 +135,32 @@ impl Grid {
         let (low, high) = body.bounds();
         let origin = low - 2.0 * cell;
         let cells = ((high - low) / cell).ceil().as_ivec3() + 4;
-        let blocks = (cells + BLOCK) / BLOCK;
+        let regions = (cells + REGION * BLOCK) / (REGION * BLOCK);
+        let blocks = regions * REGION;
         let size = blocks * BLOCK;
-        let block_count = (blocks.x * blocks.y * blocks.z) as usize;
-        // Half the diagonal of a block with one cell of margin all round,
-        // since vertices wander a little when they are relaxed.
-        let radius = 0.5 * 3.0f32.sqrt() * (BLOCK + 2) as f32 * cell;
+        // Half the diagonal of a cube of cells, with half a cell of margin.
+        let radius = |edge: i32| 0.5 * 3.0f32.sqrt() * (edge + 1) as f32 * cell;
         let everything = body.everything();
-        let sampled: Vec<(Nearby, Vec<f32>)> = (0..block_count)
+        let of_regions: Vec<Nearby> = (0..(regions.x * regions.y * regions.z) as usize)
             .into_par_iter()
             .map(|index| {
-                let first = block_at(index, blocks) * BLOCK;
+                let edge = REGION * BLOCK;
+                let middle = (at_index(index, regions) * edge).as_vec3() + 0.5 * edge as f32;
+                body.nearby(&everything, origin + middle * cell, radius(edge))
+            })
+            .collect();
+        let sampled: Vec<(Nearby, Vec<f32>)> = (0..(blocks.x * blocks.y * blocks.z) as usize)
+            .into_par_iter()
+            .map(|index| {
+                let block = at_index(index, blocks);
+                let first = block * BLOCK;
                 let center = origin + (first.as_vec3() + 0.5 * BLOCK as f32) * cell;
-                let nearby = body.nearby(&everything, center, radius);
-                let distance = body.distance(center, &nearby);
-                if distance.abs() > SLOPE * radius {
+                let of_region = &of_regions[linear(block / REGION, regions)];
+                let distance = body.distance(center, of_region);
+                if distance.abs() > SLOPE * radius(BLOCK) {
                     return (Nearby::new(), vec![distance; BLOCK.pow(3) as usize]);
                 }
+                let nearby = body.nearby(of_region, center, radius(BLOCK));
                 let values = lattice(IVec3::splat(BLOCK))
                     .map(|at| body.distance(origin + (first + at).as_vec3() * cell, &nearby))
                     .collect();
@@ -159,9 +169,9 @@ impl Grid {
             .collect();
 
         let mut samples = vec![0.0; (size.x * size.y * size.z) as usize];
-        let mut nearby = Vec::with_capacity(block_count);
+        let mut nearby = Vec::with_capacity(sampled.len());
         for (index, (list, values)) in sampled.into_iter().enumerate() {
-            let first = block_at(index, blocks) * BLOCK;
+            let first = at_index(index, blocks) * BLOCK;
             for (at, value) in lattice(IVec3::splat(BLOCK)).zip(values) {
                 samples[linear(first + at, size)] = value;
             }
@@ -257,43 +267,52 @@ impl Grid {
     }
 }
 
-/// One round of relaxation: every vertex moves half way to the mean of its
-/// neighbors, but only along the surface, and one Newton step towards it.
-fn relax(body: &Body, nearby: &[Nearby], neighbors: &Neighbors, positions: &[Vec3]) -> Vec<Vec3> {
+/// Every vertex moves half way to the mean of its neighbors, but only along
+/// the surface.
+fn relax(neighbors: &Neighbors, triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; positions.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|index| positions[index as usize]);
+        let doubled_area = (b - a).cross(c - a);
+        for &index in triangle {
+            normals[index as usize] += doubled_area;
+        }
+    }
     positions
-        .par_iter()
+        .iter()
+        .zip(normals)
         .enumerate()
-        .map(|(index, &position)| {
+        .map(|(index, (&position, normal))| {
             let around = neighbors.of(index);
-            let mean = around
-                .iter()
-                .map(|&other| positions[other as usize])
-                .sum::<Vec3>()
-                / around.len() as f32;
-            let (step, normal) = newton_step(body, &nearby[index], position);
-            let pull = mean - position;
-            position + step + 0.5 * (pull - normal * pull.dot(normal))
+            let sum: Vec3 = around.iter().map(|&other| positions[other as usize]).sum();
+            let pull = sum / around.len() as f32 - position;
+            position + 0.5 * pull.reject_from_normalized(normal.normalize_or(Vec3::Y))
         })
         .collect()
 }
 
-/// The step to the surface and the unit normal.
-fn newton_step(body: &Body, nearby: &Nearby, position: Vec3) -> (Vec3, Vec3) {
-    let (distance, gradient) = body.distance_and_gradient(position, nearby);
-    let slope_squared = gradient.length_squared().max(0.1);
-    (
-        gradient * (-distance / slope_squared),
-        gradient / slope_squared.sqrt(),
-    )
+/// Takes Newton steps towards the surface.
+fn project(body: &Body, nearby: &[Nearby], positions: &mut [Vec3], steps: usize) {
+    positions
+        .par_iter_mut()
+        .zip(nearby)
+        .for_each(|(position, nearby)| {
+            for _ in 0..steps {
+                let (distance, gradient) = body.distance_and_gradient(*position, nearby);
+                // Where blends flatten the field, a full step would overshoot.
+                let slope_squared = gradient.length_squared().max(0.1);
+                *position -= gradient * (distance / slope_squared);
+            }
+        });
 }
 
-/// The `index`-th block.
-fn block_at(index: usize, blocks: IVec3) -> IVec3 {
+/// The place in a grid that has the given index.
+fn at_index(index: usize, size: IVec3) -> IVec3 {
     let index = index as i32;
     IVec3::new(
-        index % blocks.x,
-        index / blocks.x % blocks.y,
-        index / (blocks.x * blocks.y),
+        index % size.x,
+        index / size.x % size.y,
+        index / (size.x * size.y),
     )
 }
 

@@ -191,3 +191,232 @@ impl FootPath {
         DVec3::new(x, y, 0.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::builtin::{BuiltinScene, elephant, horse};
+
+    const ANIMALS: [BuiltinScene; 2] = [horse::SCENE, elephant::SCENE];
+
+    fn frames(scene: &BuiltinScene) -> Vec<Frame> {
+        let mut source = (scene.open)();
+        let frame = |index| source.frame(index).expect("the frame is in range");
+        (0..scene.frames).map(frame).collect()
+    }
+
+    fn corners(frame: &Frame, triangle: &[u32; 3]) -> [Vec3; 3] {
+        triangle.map(|index| frame.positions[index as usize].into())
+    }
+
+    #[test]
+    fn counts_are_the_listed_ones_and_near_the_papers() {
+        for (scene, paper) in ANIMALS.iter().zip([16_800.0, 84_600.0]) {
+            let mut source = (scene.open)();
+            let frame = source.frame(0).expect("there is a first frame");
+            assert_eq!(frame.triangles.len(), scene.triangles, "{}", scene.name);
+            assert!((scene.triangles as f64 / paper - 1.0).abs() < 0.02);
+            assert_eq!(source.name(), scene.name);
+            assert_eq!(source.frame_count(), scene.frames);
+            assert_eq!(scene.frames, 48);
+            assert_eq!(source.frames_per_second(), scene.frames_per_second);
+            assert_eq!(source.is_periodic(), scene.periodic);
+        }
+    }
+
+    #[test]
+    fn surface_is_closed_oriented_and_in_one_piece() {
+        for scene in &ANIMALS {
+            let frame = (scene.open)().frame(0).expect("there is a first frame");
+            let mut edges = HashSet::new();
+            for &[a, b, c] in frame.triangles.iter() {
+                for edge in [(a, b), (b, c), (c, a)] {
+                    assert!(edges.insert(edge), "{}: {edge:?} twice", scene.name);
+                }
+            }
+            assert!(edges.iter().all(|&(a, b)| edges.contains(&(b, a))));
+            // A closed surface in one piece that has no handles.
+            let euler = frame.positions.len() as i64 - edges.len() as i64 / 2
+                + frame.triangles.len() as i64;
+            assert_eq!(euler, 2, "{}", scene.name);
+        }
+    }
+
+    #[test]
+    fn every_frame_is_sound() {
+        for scene in &ANIMALS {
+            let frames = frames(scene);
+            for (index, frame) in frames.iter().enumerate() {
+                let at = format!("{} frame {index}", scene.name);
+                assert!(Arc::ptr_eq(&frame.triangles, &frames[0].triangles));
+                let normals = frame.normals.as_ref().expect("animals have normals");
+                let colors = frame.colors.as_ref().expect("animals have colours");
+                assert_eq!(normals.len(), frame.positions.len());
+                assert_eq!(colors.len(), frame.positions.len());
+                assert!(
+                    frame
+                        .positions
+                        .iter()
+                        .flatten()
+                        .all(|value| value.is_finite()),
+                    "{at}"
+                );
+                for normal in normals {
+                    assert!((Vec3::from(*normal).length() - 1.0).abs() < 1e-5, "{at}");
+                }
+                let mut volume = 0.0;
+                for triangle in frame.triangles.iter() {
+                    let [a, b, c] = corners(frame, triangle);
+                    let area = 0.5 * (b - a).cross(c - a).length();
+                    assert!(area > 1e-7, "{at}: {triangle:?} has area {area}");
+                    volume += f64::from(a.dot(b.cross(c))) / 6.0;
+                }
+                assert!(volume > 0.3, "{at}: volume {volume} m3");
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_at_rest_are_even() {
+        for scene in &ANIMALS {
+            let frame = (scene.open)().frame(0).expect("there is a first frame");
+            let mut areas: Vec<f32> = frame
+                .triangles
+                .iter()
+                .map(|triangle| {
+                    let [a, b, c] = corners(&frame, triangle);
+                    0.5 * (b - a).cross(c - a).length()
+                })
+                .collect();
+            areas.sort_by(f32::total_cmp);
+            let part = |share: f64| areas[(share * (areas.len() - 1) as f64) as usize];
+            println!(
+                "{} {:?}",
+                scene.name,
+                [0.0, 0.01, 0.05, 0.5, 0.95, 0.99, 1.0].map(|s| part(s) / part(0.5))
+            );
+        }
+    }
+
+    #[test]
+    fn motion_is_smooth_through_the_end_of_the_cycle() {
+        for scene in &ANIMALS {
+            let frames = frames(scene);
+            let step = |from: usize| {
+                let to = &frames[(from + 1) % scene.frames];
+                let moved = frames[from].positions.iter().zip(&to.positions);
+                let squares = moved.map(|(a, b)| Vec3::from(*a).distance_squared((*b).into()));
+                (squares.sum::<f32>() / to.positions.len() as f32).sqrt()
+            };
+            let steps: Vec<f32> = (0..scene.frames).map(step).collect();
+            let mean = steps.iter().sum::<f32>() / steps.len() as f32;
+            println!("{} {steps:?}", scene.name);
+            for (index, step) in steps.iter().enumerate() {
+                assert!(
+                    (0.4..2.0).contains(&(step / mean)),
+                    "{} {index}: {step}",
+                    scene.name
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn any_order_gives_the_same_bits() {
+        let scene = &ANIMALS[0];
+        let forwards = frames(scene);
+        let mut source = (scene.open)();
+        for index in [47, 3, 20, 3, 0] {
+            let frame = source.frame(index).expect("the frame is in range");
+            let bits = |frame: &Frame| -> Vec<u32> {
+                frame
+                    .positions
+                    .iter()
+                    .flatten()
+                    .map(|v| v.to_bits())
+                    .collect()
+            };
+            assert_eq!(bits(&frame), bits(&forwards[index]));
+            assert_eq!(frame.triangles, forwards[index].triangles);
+            assert_eq!(frame.colors, forwards[index].colors);
+        }
+    }
+
+    #[test]
+    fn frames_past_the_end_are_refused() {
+        for scene in &ANIMALS {
+            let refusal = (scene.open)().frame(48).expect_err("there are 48 frames");
+            assert_eq!(
+                refusal.to_string(),
+                format!(
+                    "frame 48 is out of range: {} has 48 frames, 0 to 47",
+                    scene.name
+                )
+            );
+        }
+    }
+
+    #[test]
+    fn feet_reach_the_ground_and_stay_above_it() {
+        for scene in &ANIMALS {
+            let lowest: Vec<f32> = frames(scene)
+                .iter()
+                .map(|frame| {
+                    frame
+                        .positions
+                        .iter()
+                        .map(|p| p[1])
+                        .fold(f32::INFINITY, f32::min)
+                })
+                .collect();
+            println!("{} {lowest:?}", scene.name);
+            assert!(
+                lowest.iter().all(|y| *y > -0.01),
+                "{} {lowest:?}",
+                scene.name
+            );
+            // Elephants never leave the ground; a gallop has one suspension.
+            let aloft = lowest.iter().filter(|y| **y > 0.03).count();
+            let expected = if scene.name == "horse" { 6..16 } else { 0..1 };
+            assert!(
+                expected.contains(&aloft),
+                "{}: {aloft} frames aloft",
+                scene.name
+            );
+        }
+    }
+
+    #[test]
+    fn foot_stands_still_relative_to_moving_ground_and_swings_smoothly() {
+        let path = FootPath {
+            duty: 0.3,
+            touchdown: 0.5,
+            liftoff: -0.4,
+            lift: 0.2,
+        };
+        let step = 1e-4;
+        for phase in [0.05, 0.15, 0.25] {
+            let speed = (path.at(phase + step) - path.at(phase)) / step;
+            assert!(speed.distance(DVec3::new(-3.0, 0.0, 0.0)) < 1e-6);
+        }
+        for phase in (0..1000).map(|index| f64::from(index) / 1000.0) {
+            let point = path.at(phase);
+            assert!(point.y >= 0.0 && point.y <= 0.2 + 1e-12);
+            assert!(
+                path.at(phase + 0.001).distance(point) < 0.02,
+                "jump at {phase}"
+            );
+        }
+    }
+
+    #[test]
+    fn mottling_is_bounded_and_continuous() {
+        let shade = |x: f32| f32::from(mottle([100; 3], Vec3::new(x, 0.3, -0.7), 5.0, 0.2)[0]);
+        let line: Vec<f32> = (0..2000).map(|index| shade(index as f32 * 0.001)).collect();
+        assert!(line.iter().all(|value| (80.0..=120.0).contains(value)));
+        assert!(line.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= 2.0));
+        assert!(line.iter().any(|value| *value > 105.0) && line.iter().any(|value| *value < 95.0));
+    }
+}

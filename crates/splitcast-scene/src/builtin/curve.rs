@@ -14,7 +14,7 @@ pub(super) fn sin_cos(turns: f64) -> (f64, f64) {
     };
     // 1 / n!, odd for the sine and even for the cosine.
     let sin = x * series(
-        0.0,
+        -1.0 / 39_916_800.0,
         [
             1.0 / 362_880.0,
             -1.0 / 5_040.0,
@@ -40,8 +40,11 @@ pub(super) fn cos(turns: f64) -> f64 {
     sin_cos(turns).1
 }
 
-/// The value at `phase` (in turns) of a closed Catmull-Rom spline through
-/// `keys`, pairs of phase and value, by rising phase in 0 to 1.
+/// The value at `phase` (in turns) of a closed curve through `keys`, pairs of
+/// phase and value by rising phase in 0 to 1. It never overshoots: what rests
+/// between two equal keys rests (monotone cubic interpolation; Fritsch and
+/// Butland, "A Method for Constructing Local Monotone Piecewise Cubic
+/// Interpolants", 1984).
 pub(super) fn cycle(keys: &[(f64, f64)], phase: f64) -> f64 {
     let phase = phase - phase.floor();
     let count = keys.len();
@@ -54,9 +57,20 @@ pub(super) fn cycle(keys: &[(f64, f64)], phase: f64) -> f64 {
     let [before, from, to, beyond] = [after - 2, after - 1, after, after + 1].map(key);
     let span = to.0 - from.0;
     let t = (phase - from.0) / span;
-    let slope_from = (to.1 - before.1) / (to.0 - before.0) * span;
-    let slope_to = (beyond.1 - from.1) / (beyond.0 - from.0) * span;
+    let rise = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
+    let slope = |a, b, c| harmonic_mean(rise(a, b), rise(b, c)) * span;
+    let slope_from = slope(before, from, to);
+    let slope_to = slope(from, to, beyond);
     hermite(from.1, slope_from, to.1, slope_to, t)
+}
+
+/// Zero where the signs differ.
+fn harmonic_mean(a: f64, b: f64) -> f64 {
+    if a * b > 0.0 {
+        2.0 * a * b / (a + b)
+    } else {
+        0.0
+    }
 }
 
 /// The cubic through `from` and `to` with the given slopes, for `t` in 0 to 1.
@@ -81,6 +95,17 @@ mod tests {
             let angle = turns * std::f64::consts::TAU;
             assert!((sin - angle.sin()).abs() < 1e-9, "sine of {turns} turns");
             assert!((cos - angle.cos()).abs() < 1e-9, "cosine of {turns} turns");
+        }
+    }
+
+    #[test]
+    fn cycle_stays_within_neighboring_keys() {
+        let keys = [(0.0, 0.0), (0.5, 0.0), (0.6, 40.0), (0.8, 50.0)];
+        for phase in (0..500).map(|index| f64::from(index) / 1000.0) {
+            assert_eq!(cycle(&keys, phase), 0.0, "a pause at {phase}");
+        }
+        for phase in (600..800).map(|index| f64::from(index) / 1000.0) {
+            assert!((40.0..=50.0).contains(&cycle(&keys, phase)));
         }
     }
 

@@ -18,7 +18,7 @@ use super::skeleton::{Pose, pitch, yaw};
 pub(super) const SCENE: BuiltinScene = BuiltinScene {
     name: "horse",
     description: "a galloping horse, skinned",
-    triangles: 16_844,
+    triangles: 16_948,
     frames: 48,
     frames_per_second: 30.0,
     periodic: true,
@@ -93,7 +93,7 @@ fn add_bones(rig: &mut Rig) {
             [-0.34, 0.96, 0.19],
             [-0.67, 0.59, 0.15],
             [-0.64, 0.21, 0.15],
-            [-0.52, 0.00, 0.15],
+            [-0.51, 0.00, 0.15],
         ],
     );
     rig.bone_pairs(
@@ -105,7 +105,7 @@ fn add_bones(rig: &mut Rig) {
             [0.45, 0.92, 0.17],
             [0.49, 0.49, 0.14],
             [0.49, 0.20, 0.14],
-            [0.61, 0.00, 0.14],
+            [0.62, 0.00, 0.14],
         ],
     );
 }
@@ -189,10 +189,10 @@ fn add_neck_and_head(rig: &mut Rig) {
             &[
                 section([1.20, 1.84, 0.0], 0.085, 0.07),
                 section([1.29, 1.755, 0.0], 0.115, 0.088),
-                section([1.40, 1.665, 0.0], 0.100, 0.078),
-                section([1.52, 1.56, 0.0], 0.072, 0.055),
-                section([1.62, 1.465, 0.0], 0.062, 0.052),
-                section([1.665, 1.415, 0.0], 0.052, 0.050),
+                section([1.40, 1.655, 0.0], 0.108, 0.080),
+                section([1.52, 1.55, 0.0], 0.083, 0.060),
+                section([1.62, 1.46, 0.0], 0.070, 0.055),
+                section([1.665, 1.41, 0.0], 0.058, 0.053),
             ],
             Vec3::Z,
             0.05,
@@ -456,12 +456,12 @@ fn add_foot(rig: &mut Rig, [x, y, z]: [f32; 3], bones: [&str; 2], color: [u8; 3]
 fn add_hair(rig: &mut Rig) {
     // The mane: locks along the crest that stream back.
     const CREST: [([f32; 2], f32, &str); 7] = [
-        ([0.72, 1.60], 0.10, "neck0"),
-        ([0.80, 1.665], 0.12, "neck0"),
-        ([0.88, 1.73], 0.13, "neck1"),
-        ([0.96, 1.79], 0.14, "neck1"),
-        ([1.04, 1.845], 0.14, "neck2"),
-        ([1.12, 1.885], 0.14, "neck2"),
+        ([0.72, 1.60], 0.11, "neck0"),
+        ([0.80, 1.665], 0.14, "neck0"),
+        ([0.88, 1.73], 0.11, "neck1"),
+        ([0.96, 1.79], 0.16, "neck1"),
+        ([1.04, 1.845], 0.12, "neck2"),
+        ([1.12, 1.885], 0.17, "neck2"),
         ([1.19, 1.91], 0.13, "neck2"),
     ];
     for ([x, y], length, bone) in CREST {
@@ -469,7 +469,7 @@ fn add_hair(rig: &mut Rig) {
             Part::loft(
                 &[
                     section([x + 0.03, y - 0.05, 0.0], 0.055, 0.030),
-                    section([x - 0.3 * length, y + 0.20 * length, 0.004], 0.058, 0.030),
+                    section([x - 0.3 * length, y + 0.20 * length, 0.004], 0.050, 0.030),
                     section([x - 0.95 * length, y + 0.36 * length, 0.014], 0.044, 0.026),
                     section([x - 1.6 * length, y + 0.22 * length, 0.022], 0.018, 0.016),
                 ],
@@ -549,7 +549,7 @@ fn gait(pose: &mut Pose<'_>, cycle_phase: f64) {
 fn move_trunk(pose: &mut Pose<'_>, stride: f64) {
     let bob = 0.035 * cos(stride - 0.90);
     let nose_up = 4.5 * cos(stride - 0.10);
-    let rounding = 9.0 * cos(stride - 0.93);
+    let rounding = 2.5 + 8.0 * cos(stride - 0.93);
     pose.turn("chest", pitch(nose_up), DVec3::new(0.0, bob - 0.01, 0.0));
     // Behind the joint, a positive pitch lowers.
     pose.turn("loin", pitch(0.45 * rounding), DVec3::ZERO);
@@ -605,7 +605,7 @@ fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         ["femur.", "tibia.", "metatarsus.", "hind_hoof."],
         side,
     );
-    let toe = DVec3::new(-0.52, 0.0, 0.12 * sign) + PATH.at(phase);
+    let toe = DVec3::new(-0.51, 0.0, 0.12 * sign) + PATH.at(phase);
     let goal = LimbGoal {
         toe,
         heel_lift: cycle(&HEEL_LIFT, phase),
@@ -650,7 +650,7 @@ fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         side,
     );
     let goal = LimbGoal {
-        toe: DVec3::new(0.61, 0.0, 0.11 * sign) + path,
+        toe: DVec3::new(0.62, 0.0, 0.11 * sign) + path,
         heel_lift: cycle(&HEEL_LIFT, phase),
         fold: cycle(&FOLD, phase),
     };

@@ -272,23 +272,33 @@ impl Body {
     }
 
     /// Those of `candidates` that can shape the surface within `radius` of
-    /// `center`: pieces further off than the nearest by more than the ball and
-    /// its fillet allow have no say there.
+    /// `center`. A part further off than the nearest by more than the ball
+    /// and its fillet allow has no say there, nor has a piece further off
+    /// than the nearest of its part by more than the ball allows.
     pub(super) fn nearby(&self, candidates: &Nearby, center: Vec3, radius: f32) -> Nearby {
-        let distance = |&(part, piece): &(u16, u16)| {
-            self.parts[usize::from(part)].pieces[usize::from(piece)].distance(center)
-        };
-        let distances: Vec<f32> = candidates.iter().map(distance).collect();
-        let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
-        let reach = nearest + 2.0 * SLOPE * radius;
-        candidates
+        let distances: Vec<f32> = candidates
             .iter()
-            .zip(distances)
-            .filter(|((part, _), distance)| {
-                *distance <= reach + self.parts[usize::from(*part)].blend
+            .map(|&(part, piece)| {
+                self.parts[usize::from(part)].pieces[usize::from(piece)].distance(center)
             })
-            .map(|(id, _)| *id)
-            .collect()
+            .collect();
+        let least = |distances: &[f32]| distances.iter().copied().fold(f32::INFINITY, f32::min);
+        let slack = 2.0 * SLOPE * radius;
+        let nearest = least(&distances);
+        let mut nearby = Nearby::new();
+        let mut rest = &distances[..];
+        for group in candidates.chunk_by(|a, b| a.0 == b.0) {
+            let (own, others) = rest.split_at(group.len());
+            rest = others;
+            let blend = self.parts[usize::from(group[0].0)].blend;
+            let limit = slack + least(own).min(nearest + blend);
+            let kept = group
+                .iter()
+                .zip(own)
+                .filter(|(_, distance)| **distance <= limit);
+            nearby.extend(kept.map(|(id, _)| *id));
+        }
+        nearby
     }
 
     /// The part whose own surface is nearest to `point`.

@@ -68,3 +68,23 @@ fn check_frame_index(name: &str, index: usize, count: usize) -> Result<(), Scene
         count,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_found_by_their_names_and_by_no_other() {
+        for scene in list() {
+            assert_eq!(names().filter(|name| *name == scene.name).count(), 1);
+        }
+        for name in ["", "Horse", "horse ", "no such scene"] {
+            assert!(open(name).is_none(), "{name:?}");
+        }
+    }
+
+    #[test]
+    fn scenes_are_listed_by_rising_size() {
+        assert!(list().is_sorted_by_key(|scene| scene.triangles));
+    }
+}

@@ -1,7 +1,9 @@
-//! Surface nets (Gibson 1998): one vertex per lattice cell that the surface
-//! passes through, one quad per lattice edge that it crosses, which gives
+//! Surface nets (Gibson 1998): one vertex for each sheet of the surface in a
+//! lattice cell, one quad for each lattice edge that it crosses, which gives
 //! evenly sized faces; then the vertices are relaxed along the surface and
-//! drawn onto it by Newton steps.
+//! drawn onto it by Newton steps. Sheets are told apart as in dual marching
+//! cubes (Nielson 2004), so that no edge gets more than two faces where the
+//! surface folds close to itself.
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
@@ -11,7 +13,7 @@ use super::implicit::{Body, Nearby, SLOPE};
 
 /// Cells along the edge of a block: blocks far from the surface are skipped,
 /// and within a block only the pieces nearby are looked at.
-const BLOCK: i32 = 4;
+const BLOCK: i32 = 3;
 
 /// Blocks along the edge of a region, the same a level up.
 const REGION: i32 = 4;
@@ -26,20 +28,9 @@ const MOVES: usize = 4;
 /// Newton steps at the end, each of which squares the error.
 const PROJECTIONS: usize = 2;
 
-/// Cells that a vertex may move from where it began; it moves less than one.
-const WANDERING: f32 = 1.5;
-
-/// Cell corners in the order of their bits x, y, z.
-const CORNERS: [IVec3; 8] = [
-    IVec3::new(0, 0, 0),
-    IVec3::new(1, 0, 0),
-    IVec3::new(0, 1, 0),
-    IVec3::new(1, 1, 0),
-    IVec3::new(0, 0, 1),
-    IVec3::new(1, 0, 1),
-    IVec3::new(0, 1, 1),
-    IVec3::new(1, 1, 1),
-];
+/// Cells that a vertex may move from where it began; enough for
+/// the relaxation, since pieces are sorted out with some slack.
+const WANDERING: f32 = 1.0;
 
 /// A closed surface, counter-clockwise seen from outside.
 pub(super) struct Surface {
@@ -89,8 +80,13 @@ impl Neighbors {
 /// The surface of `body`, meshed with cells of edge `cell` metres.
 pub(super) fn mesh(body: &Body, cell: f32) -> Surface {
     let grid = Grid::sample(body, cell);
-    let (mut positions, cells) = grid.vertices();
-    let mut triangles = grid.triangles(&positions);
+    let vertices = grid.vertices();
+    let mut triangles = grid.triangles(&vertices);
+    let Vertices {
+        mut positions,
+        cells,
+        ..
+    } = vertices;
     let nearby: Vec<Nearby> = positions
         .par_iter()
         .zip(cells)
@@ -195,67 +191,61 @@ impl Grid {
         &self.nearby[linear(at / BLOCK, self.blocks)]
     }
 
-    /// The crossed cells, in lattice order.
-    fn crossed_cells(&self) -> impl Iterator<Item = IVec3> {
-        lattice(self.size - 1).filter(|at| {
-            let inside = CORNERS.map(|corner| self.value(*at + corner) < 0.0);
-            inside.contains(&true) && inside.contains(&false)
-        })
-    }
-
-    /// One vertex per crossed cell: the mean of the crossings of its edges.
-    fn vertices(&self) -> (Vec<Vec3>, Vec<IVec3>) {
-        let cells: Vec<IVec3> = self.crossed_cells().collect();
-        let positions = cells
-            .iter()
-            .map(|at| self.origin + (at.as_vec3() + self.crossing_mean(*at)) * self.cell)
-            .collect();
-        (positions, cells)
-    }
-
-    fn crossing_mean(&self, at: IVec3) -> Vec3 {
-        let values = CORNERS.map(|corner| self.value(at + corner));
-        let mut sum = Vec3::ZERO;
-        let mut count = 0.0;
-        for from in 0..8usize {
-            for axis in [1, 2, 4] {
-                let to = from | axis;
-                if to == from || (values[from] < 0.0) == (values[to] < 0.0) {
-                    continue;
-                }
-                let t = values[from] / (values[from] - values[to]);
-                let (start, end) = (CORNERS[from].as_vec3(), CORNERS[to].as_vec3());
-                sum += start + (end - start) * t;
-                count += 1.0;
+    /// One vertex for each sheet in each cell: the mean of its crossings.
+    fn vertices(&self) -> Vertices {
+        let mut vertices = Vertices {
+            positions: Vec::new(),
+            cells: Vec::new(),
+            crossed: Vec::new(),
+            crossed_at: vec![u32::MAX; self.samples.len()],
+        };
+        for at in lattice(self.size - 1) {
+            let values = Cell(std::array::from_fn(|corner| {
+                self.value(at + corner_offset(corner))
+            }));
+            let Some(sheets) = values.sheets() else {
+                continue;
+            };
+            vertices.crossed_at[linear(at, self.size)] = vertices.crossed.len() as u32;
+            let mut vertex_of_edge = [u32::MAX; 12];
+            for root in (0..12).filter(|&edge| sheets[edge] == edge) {
+                let edges = || (0..12).filter(|&edge| sheets[edge] == root);
+                let sum: Vec3 = edges().map(|edge| values.crossing(edge)).sum();
+                let mean = sum / edges().count() as f32;
+                edges().for_each(|edge| vertex_of_edge[edge] = vertices.positions.len() as u32);
+                vertices
+                    .positions
+                    .push(self.origin + (at.as_vec3() + mean) * self.cell);
+                vertices.cells.push(at);
             }
+            vertices.crossed.push(vertex_of_edge);
         }
-        sum / count
+        vertices
     }
 
     /// Two triangles per crossed lattice edge, cut along the shorter diagonal.
-    fn triangles(&self, positions: &[Vec3]) -> Vec<[u32; 3]> {
-        let mut vertex_of = vec![u32::MAX; self.samples.len()];
-        for (index, at) in self.crossed_cells().enumerate() {
-            vertex_of[linear(at, self.size)] = index as u32;
-        }
+    fn triangles(&self, vertices: &Vertices) -> Vec<[u32; 3]> {
         let mut triangles = Vec::new();
         for at in lattice(self.size - 2) {
             let at = at + 1;
             let inside = self.value(at) < 0.0;
             for axis in 0..3 {
-                let unit = |axis: usize| IVec3::AXES[axis % 3];
-                if inside == (self.value(at + unit(axis)) < 0.0) {
+                if inside == (self.value(at + IVec3::AXES[axis]) < 0.0) {
                     continue;
                 }
-                let (u, v) = (unit(axis + 1), unit(axis + 2));
-                let mut quad =
-                    [at - u - v, at - v, at, at - u].map(|c| vertex_of[linear(c, self.size)]);
+                let (u, v) = (IVec3::AXES[(axis + 1) % 3], IVec3::AXES[(axis + 2) % 3]);
+                let mut quad = [(1, 1), (0, 1), (0, 0), (1, 0)].map(|(i, j)| {
+                    let cell = linear(at - u * i - v * j, self.size);
+                    let crossed = vertices.crossed_at[cell] as usize;
+                    vertices.crossed[crossed][edge_index(axis, i as usize, j as usize)]
+                });
                 if !inside {
                     quad.reverse();
                 }
                 let [a, b, c, d] = quad;
-                let diagonal =
-                    |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
+                let diagonal = |p: u32, q: u32| {
+                    vertices.positions[p as usize].distance_squared(vertices.positions[q as usize])
+                };
                 if diagonal(a, c) <= diagonal(b, d) {
                     triangles.extend([[a, b, c], [a, c, d]]);
                 } else {
@@ -267,7 +257,96 @@ impl Grid {
     }
 }
 
-/// Every vertex moves half way to the mean of its neighbors, but only along
+/// The vertices of a grid, and how to find them.
+struct Vertices {
+    positions: Vec<Vec3>,
+    /// The cell of each vertex.
+    cells: Vec<IVec3>,
+    /// For each crossed cell, the vertex of each of its edges' sheets.
+    crossed: Vec<[u32; 12]>,
+    /// Index into `crossed` by the linear index of the cell.
+    crossed_at: Vec<u32>,
+}
+
+/// The samples at the corners of a cell; bits 0 to 2 of a corner's index are
+/// its x, y and z.
+struct Cell([f32; 8]);
+
+impl Cell {
+    /// For each edge the first edge of its sheet, 12 where the surface does
+    /// not cross it; `None` if it crosses none.
+    fn sheets(&self) -> Option<[usize; 12]> {
+        let inside = self.0.map(|value| value < 0.0);
+        if inside == [inside[0]; 8] {
+            return None;
+        }
+        let mut sheets: [usize; 12] = std::array::from_fn(|edge| {
+            let [from, to] = edge_corners(edge);
+            if inside[from] == inside[to] { 12 } else { edge }
+        });
+        for (normal, side) in (0..3).flat_map(|normal| [(normal, 0), (normal, 1)]) {
+            let (u, v) = ((normal + 1) % 3, (normal + 2) % 3);
+            // Around the face: edge k lies between corners k and k + 1.
+            let corners = [0, 1 << u, 1 << u | 1 << v, 1 << v].map(|at| at | side << normal);
+            let edges = [
+                edge_index(u, 0, side),
+                edge_index(v, side, 1),
+                edge_index(u, 1, side),
+                edge_index(v, side, 0),
+            ];
+            let crossed: Vec<usize> = edges.into_iter().filter(|&e| sheets[e] < 12).collect();
+            if let [first, second] = crossed[..] {
+                join(&mut sheets, first, second);
+            } else if crossed.len() == 4 {
+                // Both neighbors of the face see the same samples, and both
+                // keep its two inner corners apart.
+                for corner in (0..4).filter(|&corner| inside[corners[corner]]) {
+                    join(&mut sheets, edges[corner], edges[(corner + 3) % 4]);
+                }
+            }
+        }
+        Some(sheets)
+    }
+
+    /// Where the surface crosses an edge, in cells.
+    fn crossing(&self, edge: usize) -> Vec3 {
+        let [from, to] = edge_corners(edge);
+        let t = self.0[from] / (self.0[from] - self.0[to]);
+        corner_offset(from)
+            .as_vec3()
+            .lerp(corner_offset(to).as_vec3(), t)
+    }
+}
+
+/// Makes two sheets one, under the lower of their edges.
+fn join(sheets: &mut [usize; 12], a: usize, b: usize) {
+    let (low, high) = (sheets[a].min(sheets[b]), sheets[a].max(sheets[b]));
+    for sheet in sheets.iter_mut().filter(|sheet| **sheet == high) {
+        *sheet = low;
+    }
+}
+
+/// The edge of a cell along `axis`, at 0 or 1 on each of the next two axes.
+fn edge_index(axis: usize, next: usize, last: usize) -> usize {
+    axis * 4 + next + 2 * last
+}
+
+/// The corners at both ends of an edge.
+fn edge_corners(edge: usize) -> [usize; 2] {
+    let axis = edge / 4;
+    let from = (edge & 1) << ((axis + 1) % 3) | (edge >> 1 & 1) << ((axis + 2) % 3);
+    [from, from | 1 << axis]
+}
+
+fn corner_offset(corner: usize) -> IVec3 {
+    IVec3::new(
+        corner as i32 & 1,
+        corner as i32 >> 1 & 1,
+        corner as i32 >> 2,
+    )
+}
+
+/// One move: every vertex goes half way to the mean of its neighbors, but only along
 /// the surface.
 fn relax(neighbors: &Neighbors, triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; positions.len()];

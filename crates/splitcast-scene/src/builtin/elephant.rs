@@ -607,13 +607,13 @@ fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         duty: 0.70,
         touchdown: 0.55,
         liftoff: -0.55,
-        lift: 0.13,
+        lift: 0.12,
     };
     const HEEL_LIFT: [(f64, f64); 6] = [
         (0.0, 0.0),
         (0.50, 0.0),
         (0.70, 24.0),
-        (0.80, 50.0),
+        (0.80, 38.0),
         (0.92, 6.0),
         (0.97, 0.0),
     ];

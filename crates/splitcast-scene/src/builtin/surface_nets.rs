@@ -101,6 +101,7 @@ pub(super) fn mesh(body: &Body, cell: f32) -> Surface {
         flip_edges(&positions, &mut triangles);
     }
     project(body, &nearby, &mut positions, PROJECTIONS);
+    flip_edges(&positions, &mut triangles);
     let neighbors = Neighbors::new(positions.len(), &triangles);
     let parts = positions
         .par_iter()

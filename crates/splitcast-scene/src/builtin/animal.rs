@@ -276,12 +276,24 @@ mod tests {
                     assert!((Vec3::from(*normal).length() - 1.0).abs() < 1e-5, "{at}");
                 }
                 let mut volume = 0.0;
+                let mut folded = 0;
                 for triangle in frame.triangles.iter() {
                     let [a, b, c] = corners(frame, triangle);
-                    let area = 0.5 * (b - a).cross(c - a).length();
+                    let doubled_area = (b - a).cross(c - a);
+                    let area = 0.5 * doubled_area.length();
                     assert!(area > 1e-7, "{at}: {triangle:?} has area {area}");
                     volume += f64::from(a.dot(b.cross(c))) / 6.0;
+                    let normal: Vec3 = triangle
+                        .iter()
+                        .map(|&i| Vec3::from(normals[i as usize]))
+                        .sum();
+                    folded += usize::from(doubled_area.dot(normal) < 0.0);
                 }
+                // Creases of skin may turn a triangle over, but only a few.
+                assert!(
+                    folded * 1000 < frame.triangles.len(),
+                    "{at}: {folded} folded"
+                );
                 assert!(volume > 0.3, "{at}: volume {volume} m3");
             }
         }

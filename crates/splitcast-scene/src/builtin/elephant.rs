@@ -552,17 +552,13 @@ fn move_body(pose: &mut Pose<'_>, stride: f64) {
     );
     for bone in 0..4 {
         let late = 0.1 * f64::from(bone);
-        let swing = turnless_swing(stride - late);
+        let swing = cos(stride - 0.2 - late);
         pose.turn(
             &format!("tail{bone}"),
             roll(9.0 * swing) * pitch(-4.0),
             DVec3::ZERO,
         );
     }
-}
-
-fn turnless_swing(phase: f64) -> f64 {
-    cos(phase - 0.2)
 }
 
 /// The head nods twice a stride; the trunk swings like a rope, and the ears
@@ -607,26 +603,26 @@ fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
         duty: 0.70,
         touchdown: 0.55,
         liftoff: -0.55,
-        lift: 0.12,
+        lift: 0.10,
     };
     const HEEL_LIFT: [(f64, f64); 6] = [
         (0.0, 0.0),
         (0.50, 0.0),
         (0.70, 24.0),
-        (0.80, 38.0),
-        (0.92, 6.0),
+        (0.81, 46.0),
+        (0.92, 8.0),
         (0.97, 0.0),
     ];
     const FOLD: [(f64, f64); 5] = [
         (0.0, 0.0),
         (0.5, 0.0),
-        (0.70, 4.0),
+        (0.70, 6.0),
         (0.82, 14.0),
-        (0.94, 2.0),
+        (0.95, 0.0),
     ];
     let limb = Limb::new(
         pose.skeleton(),
-        LimbKind::Hind,
+        LimbKind::Strut,
         ["femur.", "tibia.", "metatarsus.", "hind_foot."],
         side,
     );
@@ -669,7 +665,7 @@ fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
     );
     let limb = Limb::new(
         pose.skeleton(),
-        LimbKind::Fore,
+        LimbKind::Strut,
         ["humerus.", "radius.", "metacarpus.", "fore_foot."],
         side,
     );

@@ -601,7 +601,7 @@ fn move_hind_leg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
     ];
     let limb = Limb::new(
         pose.skeleton(),
-        LimbKind::Hind,
+        LimbKind::Pantograph,
         ["femur.", "tibia.", "metatarsus.", "hind_hoof."],
         side,
     );
@@ -645,7 +645,7 @@ fn move_foreleg(pose: &mut Pose<'_>, side: &str, sign: f64, phase: f64) {
     pose.turn(&format!("scapula.{side}"), pitch(18.0 * swing), DVec3::ZERO);
     let limb = Limb::new(
         pose.skeleton(),
-        LimbKind::Fore,
+        LimbKind::Strut,
         ["humerus.", "radius.", "metacarpus.", "fore_hoof."],
         side,
     );

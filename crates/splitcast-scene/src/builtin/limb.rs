@@ -1,24 +1,25 @@
 //! Legs of four segments that set their toes exactly where they should stand.
 //!
-//! Two segments of a mammal's leg move as one: in the hind leg the thigh and
-//! the metatarsus stay near parallel ("pantograph" or matched motion; Fischer
-//! and Blickhan, "The tri-segmented limbs of therian mammals", 2006), in the
-//! foreleg the forearm and the metacarpus form a strut that folds at the
-//! wrist. Either way the leg has two rigid groups once the fold is given, and
-//! they follow in closed form from the law of cosines.
+//! Two segments of a mammal's leg often move as one. In the hind leg of a
+//! runner the thigh and the metatarsus stay near parallel ("pantograph" or
+//! matched motion; Fischer and Blickhan, "The tri-segmented limbs of therian
+//! mammals", 2006). In a foreleg, and in every leg of an elephant, the lower
+//! leg and the metapodium form a strut that folds back where they meet.
+//! Either way the leg has two rigid groups once the fold is given, and they
+//! follow in closed form from the law of cosines.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::curve::sin_cos;
 use super::skeleton::{BoneId, Pose, Rigid, Skeleton, pitch};
 
-/// Which segments form a group with the third one.
+/// Which segment forms a group with the third one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LimbKind {
-    /// Second and third; the fold is at the wrist, backwards.
-    Fore,
-    /// First and third; the fold adds to the flexion of the ankle.
-    Hind,
+    /// The second; the fold turns the third segment backwards.
+    Strut,
+    /// The first; the fold turns the third segment forwards.
+    Pantograph,
 }
 
 /// A leg: its bones from the body down.
@@ -35,7 +36,7 @@ pub(super) struct LimbGoal {
     pub(super) toe: DVec3,
     /// How far the toe segment is pitched from rest, toe down positive, degrees.
     pub(super) heel_lift: f64,
-    /// Fold of the wrist, or extra flexion of the ankle, degrees.
+    /// Fold of the third segment from rest, degrees.
     pub(super) fold: f64,
 }
 
@@ -70,14 +71,14 @@ impl Limb {
         let (first, second, fold) = self.groups(segments, goal.fold);
         let rest_total = segments[0] + segments[1] + segments[2];
         let bend = rest_total.perp_dot(match self.kind {
-            LimbKind::Fore => segments[0],
-            LimbKind::Hind => segments[0] + segments[2],
+            LimbKind::Strut => segments[0],
+            LimbKind::Pantograph => segments[0] + segments[2],
         });
         let target = DVec2::new(to_ankle.x, down);
         let (first_turn, second_turn) = two_bone(first, second, target, bend.signum());
         let turns = match self.kind {
-            LimbKind::Fore => [first_turn, second_turn, second_turn.rotate(fold)],
-            LimbKind::Hind => [first_turn, second_turn, first_turn.rotate(fold)],
+            LimbKind::Strut => [first_turn, second_turn, second_turn.rotate(fold)],
+            LimbKind::Pantograph => [first_turn, second_turn, first_turn.rotate(fold)],
         };
 
         let mut joint = root;
@@ -95,14 +96,14 @@ impl Limb {
     /// of the one that has two.
     fn groups(&self, [a, b, c]: [DVec2; 3], fold: f64) -> (DVec2, DVec2, DVec2) {
         let sign = match self.kind {
-            LimbKind::Fore => -1.0,
-            LimbKind::Hind => 1.0,
+            LimbKind::Strut => -1.0,
+            LimbKind::Pantograph => 1.0,
         };
         let (sin, cos) = sin_cos(sign * fold / 360.0);
         let fold = DVec2::new(cos, sin);
         match self.kind {
-            LimbKind::Fore => (a, b + fold.rotate(c), fold),
-            LimbKind::Hind => (a + fold.rotate(c), b, fold),
+            LimbKind::Strut => (a, b + fold.rotate(c), fold),
+            LimbKind::Pantograph => (a + fold.rotate(c), b, fold),
         }
     }
 }
@@ -161,7 +162,7 @@ mod tests {
     #[test]
     fn toe_reaches_its_goal_and_bones_stay_joined() {
         let skeleton = leg();
-        for kind in [LimbKind::Fore, LimbKind::Hind] {
+        for kind in [LimbKind::Strut, LimbKind::Pantograph] {
             let limb = Limb::new(&skeleton, kind, ["a", "b", "c", "d"], "");
             for (x, y, z, heel_lift, fold) in [
                 (0.0, 0.0, 0.16, 0.0, 0.0),
@@ -194,7 +195,7 @@ mod tests {
     #[test]
     fn rest_is_a_fixed_point() {
         let skeleton = leg();
-        for kind in [LimbKind::Fore, LimbKind::Hind] {
+        for kind in [LimbKind::Strut, LimbKind::Pantograph] {
             let limb = Limb::new(&skeleton, kind, ["a", "b", "c", "d"], "");
             let mut pose = Pose::new(&skeleton);
             let toe = skeleton.get(4).tail;
@@ -218,7 +219,7 @@ mod tests {
     #[test]
     fn goals_out_of_reach_stay_finite() {
         let skeleton = leg();
-        let limb = Limb::new(&skeleton, LimbKind::Hind, ["a", "b", "c", "d"], "");
+        let limb = Limb::new(&skeleton, LimbKind::Pantograph, ["a", "b", "c", "d"], "");
         for toe in [DVec3::new(9.0, -9.0, 3.0), DVec3::new(0.0, 1.2, 0.14)] {
             let mut pose = Pose::new(&skeleton);
             limb.reach(

@@ -10,8 +10,8 @@ use glam::Vec3;
 
 use super::skeleton::BoneId;
 
-/// Largest slope of the distance estimates, checked by a test on the bodies:
-/// the estimate `k0 (k0 - 1) / k1` is exact to first order at the surface only.
+/// Bound on the slope of the distance estimates outside and near the surface;
+/// they are exact to first order only at the surface itself.
 pub(super) const SLOPE: f32 = 1.3;
 
 /// Segments that a loft gets between two of its sections: enough that the
@@ -391,4 +391,123 @@ fn subdivide(sections: &[Section]) -> Vec<Section> {
     }
     fine.push(sections[last]);
     fine
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One of each: a bent loft, a flat ellipsoid and a plate.
+    fn sample() -> Body {
+        let loft = Part::loft(
+            &[
+                section([0.0, 0.3, 0.0], 0.10, 0.08),
+                section([0.3, 0.5, 0.0], 0.16, 0.10),
+                section([0.6, 0.5, 0.1], 0.06, 0.06),
+            ],
+            Vec3::Z,
+            0.05,
+        );
+        let flat = Part::ellipsoid(
+            [0.3, 0.6, 0.1],
+            [1.0, 1.0, 0.0],
+            Vec3::Z,
+            [0.2, 0.1, 0.08],
+            0.06,
+        );
+        let plate = Part::plate(
+            [0.1, 0.7, 0.0],
+            [0.0, 1.0, 0.2],
+            Vec3::X,
+            [0.2, 0.3],
+            0.03,
+            0.04,
+        );
+        Body {
+            parts: vec![loft, flat.mirrored(), flat, plate],
+        }
+    }
+
+    /// Points from inside the sample to some way off.
+    fn points() -> impl Iterator<Item = Vec3> {
+        (0..20 * 20 * 20).map(|index| {
+            let at = Vec3::new(
+                (index % 20) as f32,
+                (index / 20 % 20) as f32,
+                (index / 400) as f32,
+            );
+            Vec3::new(-0.4, 0.05, -0.6) + at * 0.0613
+        })
+    }
+
+    #[test]
+    fn slope_stays_below_its_bound_outside() {
+        let body = sample();
+        let everything = body.everything();
+        for point in points() {
+            let (distance, gradient) = body.distance_and_gradient(point, &everything);
+            if distance > 0.0 {
+                assert!(gradient.length() < SLOPE, "{gradient} at {point}");
+            }
+        }
+    }
+
+    #[test]
+    fn pieces_left_out_do_not_move_the_surface() {
+        let body = sample();
+        let everything = body.everything();
+        let mut left_out = 0;
+        for point in points() {
+            let exact = body.distance(point, &everything);
+            if exact.abs() > 0.05 {
+                continue;
+            }
+            // Sorted out for a ball that the point is at the rim of.
+            let center = point + Vec3::new(0.03, -0.02, 0.03);
+            let nearby = body.nearby(&everything, center, 0.05);
+            left_out += everything.len() - nearby.len();
+            assert!(
+                (body.distance(point, &nearby) - exact).abs() < 1e-6,
+                "{point}"
+            );
+        }
+        assert!(left_out > 0);
+    }
+
+    #[test]
+    fn ellipsoids_and_plates_have_the_sizes_asked_for() {
+        let shape = |part: Part| Body { parts: vec![part] };
+        let ellipsoid = shape(Part::ellipsoid(
+            [0.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            Vec3::Z,
+            [0.5, 0.3, 0.2],
+            0.1,
+        ));
+        let plate = shape(Part::plate(
+            [0.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            Vec3::Z,
+            [0.5, 0.2],
+            0.05,
+            0.1,
+        ));
+        let tips = |depth| [Vec3::Y * 0.5, Vec3::X * depth, Vec3::Z * 0.2];
+        for (body, depth) in [(ellipsoid, 0.3), (plate, 0.05)] {
+            let everything = body.everything();
+            for tip in tips(depth) {
+                for point in [Vec3::Y + tip, Vec3::Y - tip] {
+                    assert!(body.distance(point, &everything).abs() < 1e-6, "{point}");
+                }
+            }
+            assert!(body.distance(Vec3::Y, &everything) < 0.0);
+        }
+    }
+
+    #[test]
+    fn smooth_minimum_is_the_minimum_beyond_its_width() {
+        assert_eq!(smooth_min(0.3, 0.1, 0.2), 0.1);
+        assert_eq!(smooth_min(f32::INFINITY, 0.1, 0.2), 0.1);
+        assert_eq!(smooth_min(0.25, 0.25, 0.5), 0.125);
+    }
 }

@@ -406,3 +406,79 @@ fn lattice(size: IVec3) -> impl Iterator<Item = IVec3> {
         (0..size.y).flat_map(move |y| (0..size.x).map(move |x| IVec3::new(x, y, z)))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::builtin::implicit::Part;
+
+    fn ball(center: [f32; 3], radius: f32) -> Part {
+        Part::ellipsoid(center, [1.0, 0.0, 0.0], Vec3::Z, [radius; 3], 1e-3)
+    }
+
+    /// Vertices less edges plus faces, once every edge has two faces.
+    fn euler_characteristic(surface: &Surface) -> i64 {
+        let mut edges = HashSet::new();
+        for &[a, b, c] in &surface.triangles {
+            for edge in [(a, b), (b, c), (c, a)] {
+                assert!(edges.insert(edge), "{edge:?} twice");
+            }
+        }
+        assert!(edges.iter().all(|&(a, b)| edges.contains(&(b, a))));
+        surface.positions.len() as i64 - edges.len() as i64 / 2 + surface.triangles.len() as i64
+    }
+
+    #[test]
+    fn ball_has_its_radius_and_its_volume() {
+        let body = Body {
+            parts: vec![ball([0.1, 1.0, -0.2], 0.5)],
+        };
+        let surface = mesh(&body, 0.05);
+        assert_eq!(euler_characteristic(&surface), 2);
+        for position in &surface.positions {
+            let radius = position.distance(Vec3::new(0.1, 1.0, -0.2));
+            assert!((radius - 0.5).abs() < 1e-5, "{radius}");
+        }
+        let volume: f32 = surface
+            .triangles
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.map(|index| surface.positions[index as usize]);
+                a.dot(b.cross(c)) / 6.0
+            })
+            .sum();
+        let exact = 4.0 / 3.0 * std::f32::consts::PI * 0.125;
+        assert!((volume / exact - 1.0).abs() < 0.01, "{volume} for {exact}");
+    }
+
+    #[test]
+    fn sheets_in_one_cell_stay_apart() {
+        // Two balls in a gap of a fifth of a cell, at many places of the grid.
+        for step in 0..12 {
+            let tilt = 0.013 * step as f32;
+            let gap = Vec3::new(0.51, 3.0 * tilt, tilt).normalize() * 0.51;
+            let second = Vec3::new(0.0, 1.0, 0.0) + gap;
+            let body = Body {
+                parts: vec![ball([0.0, 1.0, 0.0], 0.25), ball(second.into(), 0.25)],
+            };
+            let surface = mesh(&body, 0.05);
+            assert!(
+                [2, 4].contains(&euler_characteristic(&surface)),
+                "tilt {tilt}"
+            );
+        }
+    }
+
+    #[test]
+    fn neighbors_are_the_ends_of_the_edges() {
+        let neighbors = Neighbors::new(4, &[[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]);
+        for vertex in 0..4 {
+            let mut around = neighbors.of(vertex).to_vec();
+            around.sort_unstable();
+            let others: Vec<u32> = (0..4).filter(|&other| other != vertex as u32).collect();
+            assert_eq!(around, others);
+        }
+    }
+}

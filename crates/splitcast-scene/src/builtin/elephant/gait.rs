@@ -23,20 +23,22 @@ pub(super) fn pose(pose: &mut Pose<'_>, stride: f64) {
     }
 }
 
-/// The trunk of the body rolls once and bobs twice a stride.
+/// The body bobs twice a stride. Once a stride it leans over the legs that
+/// stand (the right feet swing about 0.35 behind and 0.57 in front), drops the
+/// side that swings, and turns with the foot that reaches forward.
 fn move_body(pose: &mut Pose<'_>, stride: f64) {
     let bob = 0.022 * cos(2.0 * stride - 0.7);
-    let sway = 0.045 * cos(stride - 0.36);
+    let sway = -0.045 * cos(stride - 0.46);
     pose.turn(
         "chest",
-        roll(2.0 * cos(stride - 0.36))
-            * yaw(1.5 * cos(stride - 0.1))
+        roll(1.6 * cos(stride - 0.52))
+            * yaw(1.5 * cos(stride - 0.72))
             * pitch(0.8 * cos(2.0 * stride)),
         DVec3::new(0.0, bob - 0.03, sway),
     );
     pose.turn(
         "pelvis",
-        roll(2.5 * cos(stride - 0.1)) * yaw(2.5 * cos(stride - 0.55)),
+        roll(1.8 * cos(stride - 0.25)) * yaw(2.5 * cos(stride - 0.42)),
         DVec3::ZERO,
     );
     for bone in 0..4 {

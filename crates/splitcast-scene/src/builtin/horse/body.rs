@@ -6,7 +6,7 @@ use crate::builtin::animal::Rig;
 use crate::builtin::implicit::{Part, Section, section};
 use crate::builtin::paint::{mottle, spot};
 
-const COAT: [u8; 3] = [124, 70, 38];
+const COAT: [u8; 3] = [116, 67, 38];
 const HAIR: [u8; 3] = [34, 26, 23];
 const LEG: [u8; 3] = [44, 32, 27];
 const HOOF: [u8; 3] = [78, 68, 60];

@@ -14,6 +14,8 @@
 //! pushes the left one, so memory grows with the number of straddlers only.
 
 mod event;
+#[cfg(test)]
+mod tests;
 
 use rayon::prelude::*;
 

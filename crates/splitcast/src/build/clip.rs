@@ -224,6 +224,24 @@ mod tests {
             }
         }
 
+        /// Corners and weights such that the point is exact in single precision.
+        #[test]
+        fn finds_an_exact_point_of_the_triangle_in_any_cell_around_it(
+            corners in prop::array::uniform3(prop::array::uniform3(-0x1ffff..=0x1ffff)),
+            (u, v) in (0..=64, 0..=64),
+            other in prop::option::of(prop::array::uniform3(-0xff_ffff..=0xff_ffff)),
+        ) {
+            let (u, v) = if u + v > 64 { (64 - u, 64 - v) } else { (u, v) };
+            let [a, b, c] = corners;
+            let point: [f32; 3] =
+                std::array::from_fn(|k| (a[k] * (64 - u - v) + b[k] * u + c[k] * v) as f32);
+            let corners = corners.map(|corner| corner.map(|x| (64 * x) as f32));
+            let other = other.map_or(point, |other| other.map(|x| x as f32));
+            let clipped = clipped_bounds(&corners, &Aabb::of_points(&[point, other]));
+            let expected = Aabb::of_points(&[point]);
+            prop_assert!(clipped.is_some_and(|clipped| contains(&clipped, &expected)));
+        }
+
         #[test]
         fn is_the_full_box_where_the_cell_holds_the_triangle((corners, cell) in scaled_case()) {
             let full = Aabb::of_points(&corners);

@@ -62,7 +62,10 @@ impl Soup {
         (0..self.triangles.len() as u32)
             .filter_map(|triangle| {
                 let bounds = clipped_bounds(&mesh.corners(triangle), cell)?;
-                Some(Reference::new(bounds, triangle))
+                let mut reference = Reference::ZERO;
+                (reference.min, reference.max) = (bounds.min, bounds.max);
+                reference.triangle = triangle;
+                Some(reference)
             })
             .collect()
     }
@@ -360,6 +363,22 @@ fn bounds_on_depth_and_leaves_hold() {
     let mut parents = 0;
     tree.visit(|node| parents += usize::from(matches!(node.kind, NodeKind::Inner { .. })));
     assert!((7..16).contains(&parents), "{parents}");
+    assert_eq!(tree.validate(), Ok(()));
+}
+
+#[test]
+fn references_stay_in_proportion() {
+    // Slivers of every length around one corner, which all splits toward it cut again.
+    let mut state = 1_u32;
+    let mut random = || {
+        // The linear congruential generator of Numerical Recipes.
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        10_f32.powf(-20.0 * (state >> 8) as f32 / (1 << 24) as f32)
+    };
+    let mut corners = || [0; 3].map(|_| [0; 3].map(|_| random()));
+    let soup = Soup::of((0..1000).map(|_| corners()));
+    let tree = soup.tree(&options(1));
+    assert!(tree.references().len() <= 1000 * MAX_GROWTH as usize);
     assert_eq!(tree.validate(), Ok(()));
 }
 

@@ -71,13 +71,17 @@ impl Soup {
     }
 }
 
+/// Costs that the shapes below are told by, whatever the presets become.
 fn options(leaf_width: u32) -> BuildOptions {
     BuildOptions {
         builder: Builder::Sweep,
         cost: CostModel {
+            traversal: 1.0,
+            intersection: 1.5,
             leaf_width,
-            ..CostModel::default()
+            empty_bonus: 0.2,
         },
+        min_split: 1,
         ..BuildOptions::default()
     }
 }

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use self::event::{EdgeEvent, EventKind, MAX_EVENT_REFERENCES};
 use super::clip::clipped_bounds;
+use super::limits::Limits;
 use super::references::bounds_of;
 use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::{Aabb, CostModel, Mesh};
@@ -30,17 +31,6 @@ use crate::{Aabb, CostModel, Mesh};
 /// the tree is the same on any number of threads. A node of this size takes
 /// some milliseconds with all below it, a thousand times what a join costs.
 const PARALLEL_TRIANGLES: usize = 2048;
-
-/// Bound on the references of a tree, for each triangle. Where slivers of every
-/// length meet in a corner, each split pays for itself by the SAH, yet halves
-/// none of them: 20,000 grew to 26 million references in a minute without this
-/// bound. Scanned and simulated meshes have 2 to 10 references a triangle,
-/// random needles through the whole scene 35 to 84.
-const MAX_GROWTH: u64 = 128;
-
-/// Meshes of fewer triangles are allowed as many references as if they had
-/// this many.
-const MIN_GROWTH_TRIANGLES: u64 = 32;
 
 /// The child that triangles lying in the split plane go to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +53,7 @@ struct SplitCandidate {
 /// Builds a subtree over `triangles`; gives it with the box around them.
 pub(super) fn build(
     triangles: &Triangles<'_>,
-    max_depth: u32,
+    limits: Limits,
     options: &BuildOptions,
 ) -> (Subtree, Aabb) {
     let references = triangles.references();
@@ -73,10 +63,6 @@ pub(super) fn build(
         // More than a tree can hold as well: the one leaf is refused where trees are made.
         sweep.writer.leaf(references.iter().map(|r| r.triangle));
     } else {
-        let limits = Limits {
-            levels: max_depth,
-            references: MAX_GROWTH * MIN_GROWTH_TRIANGLES.max(references.len() as u64),
-        };
         sweep.push_root(&references);
         drop(references);
         sweep.recurse(NodeStart::default(), bounds, limits);
@@ -90,31 +76,6 @@ pub(super) fn build(
 struct NodeStart {
     triangles: usize,
     events: [usize; 3],
-}
-
-/// How far a subtree may grow.
-#[derive(Clone, Copy, Debug)]
-struct Limits {
-    levels: u32,
-    /// Never less than the node has.
-    references: u64,
-}
-
-impl Limits {
-    fn allow(&self, split: &SplitCandidate) -> bool {
-        u64::from(split.references) <= self.references
-    }
-
-    /// What is left for children of so many triangles: each has its share, so
-    /// that neither depends on what becomes of the other.
-    fn of_children(&self, counts: [usize; 2]) -> [Self; 2] {
-        let counts = counts.map(|count| count as u64);
-        let total = counts.iter().sum::<u64>().max(1);
-        counts.map(|count| Self {
-            levels: self.levels - 1,
-            references: self.references * count / total,
-        })
-    }
 }
 
 /// Where a reference of a split node goes: its side of the plane and, unless it
@@ -194,10 +155,12 @@ impl<'a> Sweep<'a> {
     fn recurse(&mut self, start: NodeStart, cell: Aabb, limits: Limits) {
         let count = self.triangles.len() - start.triangles;
         let leaf_cost = self.options.cost.leaf(count as u32);
-        let split = (limits.levels > 0 && count > self.options.min_split as usize)
+        let split = (count > self.options.min_split as usize)
             .then(|| self.find_split(start, &cell))
             .flatten()
-            .filter(|split| split.cost < leaf_cost && limits.allow(split));
+            .filter(|split| {
+                split.cost < leaf_cost && limits.allow(count, split.references as usize)
+            });
         let Some(split) = split else {
             self.writer.leaf(self.triangles.drain(start.triangles..));
             for (AxisEvents { stack, .. }, start) in self.axes.iter_mut().zip(start.events) {
@@ -210,18 +173,18 @@ impl<'a> Sweep<'a> {
         let left_start = self.split(start, &split, &[left_cell, right_cell]);
         let left_count = self.triangles.len() - left_start.triangles;
         let right_count = left_start.triangles - start.triangles;
-        let [left_limits, right_limits] = limits.of_children([left_count, right_count]);
+        let limits = limits.below(1, count, left_count + right_count);
         let inner = self.writer.open_inner(split.axis, split.position);
         if left_count.min(right_count) < PARALLEL_TRIANGLES {
-            self.recurse(left_start, left_cell, left_limits);
+            self.recurse(left_start, left_cell, limits);
             self.writer.begin_right(inner);
-            self.recurse(start, right_cell, right_limits);
+            self.recurse(start, right_cell, limits);
         } else {
             let mut left = self.pop(left_start);
             let mut right = self.pop(start);
             rayon::join(
-                || left.recurse(NodeStart::default(), left_cell, left_limits),
-                || right.recurse(NodeStart::default(), right_cell, right_limits),
+                || left.recurse(NodeStart::default(), left_cell, limits),
+                || right.recurse(NodeStart::default(), right_cell, limits),
             );
             self.writer.append(&left.writer.finish());
             self.writer.begin_right(inner);

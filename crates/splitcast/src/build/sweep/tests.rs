@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::build::limits::MAX_GROWTH;
 use crate::{Builder, KdTree, Node, NodeKind};
 
 /// A triangle soup that owns its vertices.
@@ -381,9 +382,14 @@ fn references_stay_in_proportion() {
     };
     let mut corners = || [0; 3].map(|_| [0; 3].map(|_| random()));
     let soup = Soup::of((0..1000).map(|_| corners()));
-    let tree = soup.tree(&options(1));
-    assert!(tree.references().len() <= 1000 * MAX_GROWTH as usize);
-    assert_eq!(tree.validate(), Ok(()));
+    for &builder in Builder::ALL {
+        let tree = soup.tree(&BuildOptions {
+            builder,
+            ..options(1)
+        });
+        assert!(tree.references().len() <= 1000 * MAX_GROWTH as usize);
+        assert_eq!(tree.validate(), Ok(()));
+    }
 }
 
 #[test]

@@ -17,6 +17,7 @@ mod paint;
 mod skeleton;
 mod skinning;
 mod surface_nets;
+mod value_noise;
 mod vertex_normals;
 
 use crate::{FrameSource, SceneError};

@@ -6,19 +6,25 @@
 //! up, and the ground is the plane y = 0.
 
 mod animal;
+mod cloth;
+mod cloth_ball;
 mod curve;
 mod edge_flips;
 mod elephant;
 mod foot_path;
+mod geodesic_sphere;
+mod grid_subdivision;
 mod horse;
 mod implicit;
 mod limb;
 mod paint;
+mod particle_contacts;
 mod skeleton;
 mod skinning;
 mod surface_nets;
 mod value_noise;
 mod vertex_normals;
+mod xpbd;
 
 use crate::{FrameSource, SceneError};
 
@@ -42,7 +48,11 @@ pub struct BuiltinScene {
 }
 
 /// Every built-in scene, by rising triangle count.
-static SCENES: &[BuiltinScene] = &[horse::SCENE, elephant::SCENE];
+static SCENES: &[BuiltinScene] = &[
+    horse::SCENE,
+    elephant::SCENE,
+    cloth_ball::SCENE,
+];
 
 /// Every built-in scene, by rising triangle count.
 pub fn list() -> &'static [BuiltinScene] {

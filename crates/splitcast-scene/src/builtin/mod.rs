@@ -8,17 +8,26 @@
 mod animal;
 mod cloth;
 mod cloth_ball;
+mod collision;
 mod curve;
+mod edge_collapse;
 mod edge_flips;
 mod elephant;
+mod figurines;
 mod foot_path;
+mod fracture;
 mod geodesic_sphere;
 mod grid_subdivision;
 mod horse;
 mod implicit;
 mod limb;
+mod marching_tetrahedra;
 mod paint;
 mod particle_contacts;
+mod random;
+mod rigid_body;
+mod sculpture;
+mod sculpture_blocks;
 mod skeleton;
 mod skinning;
 mod surface_nets;
@@ -52,6 +61,7 @@ static SCENES: &[BuiltinScene] = &[
     horse::SCENE,
     elephant::SCENE,
     cloth_ball::SCENE,
+    collision::SCENE,
 ];
 
 /// Every built-in scene, by rising triangle count.

@@ -1,0 +1,213 @@
+//! A pinhole camera in perspective, and the view that frames a whole motion.
+
+use glam::{DVec3, Vec3};
+use splitcast::{Aabb, Ray};
+
+use crate::RenderError;
+use crate::options::{check_coordinates, check_direction, check_range};
+use crate::stage::Stage;
+
+/// Vertical field of view when none is asked for, in degrees: about a 65 mm
+/// lens on 35 mm film, long enough to keep proportions natural.
+pub const DEFAULT_FOV_DEGREES: f32 = 24.0;
+
+/// Direction from the motion to the default camera along the stage's axes
+/// when the motion is longest along the first of them: a three-quarter view
+/// from slightly above.
+const THREE_QUARTER: DVec3 = DVec3::new(0.52, 0.30, 0.85);
+
+/// Share of the half picture that a framed motion leaves free at each border.
+const MARGIN: f64 = 0.12;
+
+/// Where a camera stands and what it looks at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Perspective {
+    /// The camera's place.
+    pub eye: [f32; 3],
+    /// The point in the middle of the picture.
+    pub look_at: [f32; 3],
+    /// What is up in the picture, of any length but zero and not along the view.
+    pub up: [f32; 3],
+    /// Angle between the top and the bottom of the picture, above 0 and below 180.
+    pub vertical_fov_degrees: f32,
+}
+
+impl Perspective {
+    /// A three-quarter view that shows all of `bounds`, the box around a
+    /// whole motion, and its shadow on the ground, with a margin. `aspect` is
+    /// the picture's width over its height. A motion that is longest along
+    /// one horizontal axis is seen rather from its side.
+    ///
+    /// # Errors
+    /// [`RenderError`] if `up` is no direction, or if the aspect or the field
+    /// of view is out of range.
+    pub fn framing(
+        bounds: &Aabb,
+        up: [f32; 3],
+        aspect: f32,
+        vertical_fov_degrees: f32,
+    ) -> Result<Self, RenderError> {
+        check_direction("up", up)?;
+        check_aspect(aspect)?;
+        let half_height = half_height(vertical_fov_degrees)?;
+        let stage = Stage::new(bounds, up);
+        let extent_along = |axis: DVec3| {
+            let along = stage.corners.map(|corner| corner.dot(axis));
+            along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b))
+                - along.iter().fold(f64::INFINITY, |a, &b| a.min(b))
+        };
+        let swap = extent_along(stage.axes[2]) > extent_along(stage.axes[0]);
+        let from = if swap {
+            DVec3::new(THREE_QUARTER.z, THREE_QUARTER.y, THREE_QUARTER.x)
+        } else {
+            THREE_QUARTER
+        };
+        let back = stage.direction(from.normalize());
+        let right = stage.up().cross(back).normalize();
+        let above = back.cross(right);
+
+        // A point is inside the picture if, seen from the eye, it is no farther from the axis than
+        // `slope` times its depth. Each border thus bounds the eye by one inequality that is linear
+        // in its place, and the nearest eye that satisfies two opposite ones has a closed form.
+        let points = motion_and_shadow(&stage);
+        let fit = |axis: DVec3, slope: f64| {
+            let bound = |sign: f64| {
+                points
+                    .iter()
+                    .map(|point| sign * point.dot(axis) + slope * point.dot(back))
+                    .fold(f64::NEG_INFINITY, f64::max)
+            };
+            let (a, b) = (bound(1.0), bound(-1.0));
+            (0.5 * (a - b), 0.5 * (a + b) / slope)
+        };
+        let half_height = half_height * (1.0 - MARGIN);
+        let (along_right, wide) = fit(right, half_height * f64::from(aspect));
+        let (along_above, tall) = fit(above, half_height);
+        let nearest = points
+            .iter()
+            .map(|point| point.dot(back))
+            .fold(f64::NEG_INFINITY, f64::max);
+        // A flat picture of a flat motion could otherwise put the eye on it.
+        let along_back = wide.max(tall).max(nearest + 1e-3 * stage.radius);
+        let eye = right * along_right + above * along_above + back * along_back;
+        let look_at = eye - back * (along_back - stage.centre.dot(back));
+        Ok(Self {
+            eye: eye.as_vec3().into(),
+            look_at: look_at.as_vec3().into(),
+            up,
+            vertical_fov_degrees,
+        })
+    }
+}
+
+/// A pinhole camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    eye: Vec3,
+    forward: Vec3,
+    /// From the middle of the picture, at distance 1, half a picture height to the right.
+    right: Vec3,
+    /// The same upwards.
+    up: Vec3,
+}
+
+impl Camera {
+    /// A camera that sees `view`.
+    ///
+    /// # Errors
+    /// [`RenderError`] names the first field that is out of bounds, or says
+    /// that the view has no direction or lies along up.
+    pub fn new(view: &Perspective) -> Result<Self, RenderError> {
+        check_coordinates("eye", view.eye)?;
+        check_coordinates("look-at", view.look_at)?;
+        check_direction("up", view.up)?;
+        let half_height = half_height(view.vertical_fov_degrees)?;
+        let eye = Vec3::from(view.eye);
+        let towards = Vec3::from(view.look_at).as_dvec3() - eye.as_dvec3();
+        if towards == DVec3::ZERO {
+            return Err(RenderError::EyeAtTarget { position: view.eye });
+        }
+        let forward = towards.normalize();
+        let side = forward.cross(Vec3::from(view.up).as_dvec3().normalize());
+        // Below this sine the single-precision coordinates do not determine the side any more.
+        if side.length() < 1e-6 {
+            return Err(RenderError::UpAlongView { up: view.up });
+        }
+        let right = side.normalize();
+        let up = right.cross(forward);
+        Ok(Self {
+            eye,
+            forward: forward.as_vec3(),
+            right: (right * half_height).as_vec3(),
+            up: (up * half_height).as_vec3(),
+        })
+    }
+
+    /// The camera's place.
+    pub fn eye(&self) -> [f32; 3] {
+        self.eye.into()
+    }
+
+    /// Where `point` appears in a picture of the given aspect: (0, 0) is the
+    /// top left corner and (1, 1) the bottom right one. `None` if it lies
+    /// behind the camera.
+    pub fn project(&self, point: [f32; 3], aspect: f32) -> Option<[f32; 2]> {
+        let towards = Vec3::from(point) - self.eye;
+        let depth = towards.dot(self.forward);
+        let along = |axis: Vec3| towards.dot(axis) / (depth * axis.length_squared());
+        (depth > 0.0).then(|| {
+            [
+                0.5 + 0.5 * along(self.right) / aspect,
+                0.5 - 0.5 * along(self.up),
+            ]
+        })
+    }
+
+    /// The ray, of unit direction, through a point of the picture: (0, 0) is
+    /// its top left corner, (1, 1) its bottom right one.
+    pub fn ray(&self, [x, y]: [f32; 2], aspect: f32) -> Ray {
+        let direction =
+            self.forward + self.right * ((2.0 * x - 1.0) * aspect) + self.up * (1.0 - 2.0 * y);
+        Ray::new(self.eye.into(), direction.normalize().into())
+    }
+
+    /// Height of a picture at distance 1, over its number of rows: what a
+    /// pixel covers there.
+    pub(crate) fn pixel_size(&self, rows: u32) -> f32 {
+        2.0 * self.up.length() / rows as f32
+    }
+}
+
+/// Half the picture's height at distance 1.
+fn half_height(fov_degrees: f32) -> Result<f64, RenderError> {
+    // The ends leave room for rounding: a wider picture would have an infinite height.
+    check_range(
+        "field of view",
+        fov_degrees,
+        0.01..=179.0,
+        "0.01 to 179 degrees",
+    )?;
+    Ok((0.5 * f64::from(fov_degrees).to_radians()).tan())
+}
+
+fn check_aspect(aspect: f32) -> Result<(), RenderError> {
+    check_range(
+        "aspect",
+        aspect,
+        1e-5..=1e5,
+        "width over height, 1e-5 to 1e5",
+    )
+}
+
+/// The corners of the motion's box and their shadows on the ground.
+fn motion_and_shadow(stage: &Stage) -> [DVec3; 16] {
+    let sun = stage.default_sun();
+    std::array::from_fn(|index| {
+        let corner = stage.corners[index % 8];
+        if index < 8 {
+            return corner;
+        }
+        let height = corner.dot(stage.up()) - stage.floor;
+        corner - sun * (height / sun.dot(stage.up()))
+    })
+}

@@ -1,0 +1,60 @@
+//! The ground: a plane under the motion that catches its shadow and turns to
+//! haze in the distance, so that no horizon line cuts the picture.
+
+use glam::Vec3;
+
+use crate::stage::Stage;
+
+/// Share of light that the ground reflects: pale sand.
+pub(crate) const ALBEDO: Vec3 = Vec3::new(0.50, 0.47, 0.43);
+
+/// Distances from the motion's middle, in its radii, at which the haze begins
+/// and at which nothing but haze is left.
+const HAZE: (f32, f32) = (2.0, 16.0);
+
+/// A horizontal plane under the motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ground {
+    up: Vec3,
+    /// Coordinate of the plane along up.
+    height: f32,
+    /// Below the middle of the motion, on the plane.
+    centre: Vec3,
+    /// Radius of the motion.
+    radius: f32,
+}
+
+impl Ground {
+    /// The plane at the lowest point of the stage.
+    pub(crate) fn new(stage: &Stage) -> Self {
+        let up = stage.up();
+        let centre = stage.centre + up * (stage.floor - stage.centre.dot(up));
+        Self {
+            up: up.as_vec3(),
+            height: stage.floor as f32,
+            centre: centre.as_vec3(),
+            radius: stage.radius as f32,
+        }
+    }
+
+    /// Up, of unit length: the ground's normal.
+    pub(crate) fn up(&self) -> Vec3 {
+        self.up
+    }
+
+    /// The distance at which a ray comes down on the ground.
+    pub(crate) fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let (above, descent) = (origin.dot(self.up) - self.height, -direction.dot(self.up));
+        (above > 0.0 && descent > 0.0)
+            .then(|| above / descent)
+            .filter(|t| t.is_finite())
+    }
+
+    /// How much of the ground has turned to haze at `point`: 0 to 1, smooth.
+    pub(crate) fn haze(&self, point: Vec3) -> f32 {
+        let distance = (point - self.centre).length() / self.radius;
+        let share = ((distance - HAZE.0) / (HAZE.1 - HAZE.0)).clamp(0.0, 1.0);
+        // Eased at the far end only: near ground loses contrast slowly, as in real haze.
+        share * share * (3.0 - 2.0 * share)
+    }
+}

@@ -11,13 +11,11 @@ use crate::stage::Stage;
 /// lens on 35 mm film, long enough to keep proportions natural.
 pub const DEFAULT_FOV_DEGREES: f32 = 24.0;
 
-/// Direction from the motion to the default camera along the stage's axes
-/// when the motion is longest along the first of them: a three-quarter view
-/// from slightly above.
-const THREE_QUARTER: DVec3 = DVec3::new(0.52, 0.30, 0.85);
-
 /// Share of the half picture that a framed motion leaves free at each border.
 const MARGIN: f64 = 0.12;
+
+/// Shadows need no margin: how far out they count, relative to the motion.
+const SHADOW_REACH: f64 = 1.0 - MARGIN;
 
 /// Where a camera stands and what it looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,18 +49,7 @@ impl Perspective {
         check_aspect(aspect)?;
         let half_height = half_height(vertical_fov_degrees)?;
         let stage = Stage::new(bounds, up);
-        let extent_along = |axis: DVec3| {
-            let along = stage.corners.map(|corner| corner.dot(axis));
-            along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b))
-                - along.iter().fold(f64::INFINITY, |a, &b| a.min(b))
-        };
-        let swap = extent_along(stage.axes[2]) > extent_along(stage.axes[0]);
-        let from = if swap {
-            DVec3::new(THREE_QUARTER.z, THREE_QUARTER.y, THREE_QUARTER.x)
-        } else {
-            THREE_QUARTER
-        };
-        let back = stage.direction(from.normalize());
+        let back = stage.default_view();
         let right = stage.up().cross(back).normalize();
         let above = back.cross(right);
 
@@ -199,15 +186,22 @@ fn check_aspect(aspect: f32) -> Result<(), RenderError> {
     )
 }
 
-/// The corners of the motion's box and their shadows on the ground.
-fn motion_and_shadow(stage: &Stage) -> [DVec3; 16] {
-    let sun = stage.default_sun();
-    std::array::from_fn(|index| {
-        let corner = stage.corners[index % 8];
-        if index < 8 {
-            return corner;
-        }
-        let height = corner.dot(stage.up()) - stage.floor;
-        corner - sun * (height / sun.dot(stage.up()))
-    })
+/// The corners of the motion's box, and the shadows on the ground of the
+/// middles of its edges. Meshes reach the faces of their boxes, but hardly
+/// ever the corners, and the shadows of these lie far out.
+fn motion_and_shadow(stage: &Stage) -> Vec<DVec3> {
+    let (sun, up) = (stage.default_sun(), stage.up());
+    let shadow = |point: DVec3| {
+        let on_ground = point - sun * ((point.dot(up) - stage.floor) / sun.dot(up));
+        stage.centre + (on_ground - stage.centre) * SHADOW_REACH
+    };
+    let edges = (0..8).flat_map(|from| [1, 2, 4].map(|bit| (from, from | bit)));
+    let middles = edges
+        .filter(|(from, to)| from != to)
+        .map(|(from, to)| 0.5 * (stage.corners[from] + stage.corners[to]));
+    stage
+        .corners
+        .into_iter()
+        .chain(middles.map(shadow))
+        .collect()
 }

@@ -6,11 +6,11 @@ use glam::Vec3;
 use crate::stage::Stage;
 
 /// Share of light that the ground reflects: pale sand.
-pub(crate) const ALBEDO: Vec3 = Vec3::new(0.50, 0.47, 0.43);
+pub(crate) const ALBEDO: Vec3 = Vec3::new(0.50, 0.43, 0.35);
 
 /// Distances from the motion's middle, in its radii, at which the haze begins
 /// and at which nothing but haze is left.
-const HAZE: (f32, f32) = (2.0, 16.0);
+const HAZE: (f32, f32) = (2.0, 24.0);
 
 /// A horizontal plane under the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

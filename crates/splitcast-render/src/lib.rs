@@ -1,5 +1,6 @@
 //! Pictures of animated meshes: camera, light, tiles, and image and video output.
 
+mod adaptive;
 mod camera;
 mod error;
 mod ground;

@@ -1,11 +1,13 @@
 //! The renderer: a camera, a stage and options, ready to be given frames.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 use splitcast::{Aabb, KdTree};
 use splitcast_scene::Frame;
 
+use crate::adaptive::{Estimate, first_samples, is_uneven};
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, tent};
 use crate::shade::{FILTER, Surroundings, Tracer};
@@ -99,38 +101,60 @@ impl Renderer {
             normals: normals.as_deref(),
             colors: frame.colors.as_ref().map(|colors| colors.as_slice()),
         };
-        let &RenderOptions { width, height, .. } = &self.options;
-        let (pixels, tracers) = render_tiles(
-            width,
-            height,
-            || Tracer::new(surfaces, &self.surroundings),
-            |tracer, x, y| self.pixel(tracer, x, y),
-        );
+        let options = &self.options;
+        let &RenderOptions { width, height, .. } = options;
+        let tracer = || Tracer::new(surfaces, &self.surroundings);
+        let samples = options.effective_samples_per_pixel();
+        let first_samples = first_samples(samples);
+        let (first, mut tracers) = render_tiles(width, height, tracer, |tracer, x, y| {
+            self.sample_pixel(tracer, Estimate::default(), [x, y], 0..first_samples)
+        });
+        let (pixels, rest) = render_tiles(width, height, tracer, |tracer, x, y| {
+            let estimate = first[y as usize * width as usize + x as usize];
+            let (estimate, taken) = if is_uneven(&first, width, x, y) {
+                let rest = first_samples..samples;
+                (self.sample_pixel(tracer, estimate, [x, y], rest), samples)
+            } else {
+                (estimate, first_samples)
+            };
+            (estimate.sum() / taken as f32).max(Vec3::ZERO).into()
+        });
+        tracers.extend(rest);
         let image = Image {
             width,
             height,
             pixels,
-            tone_curve: ToneCurve::Filmic,
+            tone_curve: self.tone_curve(),
         };
         let rays = tracers.iter().map(|tracer| tracer.rays).sum();
         Ok((image, RenderStats { rays }))
     }
 
-    fn pixel(&self, tracer: &mut Tracer<'_>, x: u32, y: u32) -> [f32; 3] {
+    /// How the picture is brought to a display.
+    fn tone_curve(&self) -> ToneCurve {
+        ToneCurve::Filmic
+    }
+
+    /// Adds the given samples of a pixel to its estimate.
+    fn sample_pixel(
+        &self,
+        tracer: &mut Tracer<'_>,
+        mut estimate: Estimate,
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+    ) -> Estimate {
         let options = &self.options;
         let size = Vec2::new(options.width as f32, options.height as f32);
-        let samples = options.effective_samples_per_pixel();
-        let points = PixelSamples::new(x, y, samples, options.seed);
+        let brightness = options.exposure.exp2();
+        let points = PixelSamples::new(x, y, options.effective_samples_per_pixel(), options.seed);
         let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-        let sum: Vec3 = (0..samples)
-            .map(|sample| {
-                let place = (middle + tent(points.point(sample, FILTER))) / size;
-                let ray = self.camera.ray(place.into(), size.x / size.y);
-                tracer.radiance(&ray, &points, sample)
-            })
-            .sum();
-        let mean = sum / samples as f32 * options.exposure.exp2();
-        mean.max(Vec3::ZERO).into()
+        for sample in samples {
+            let place = (middle + tent(points.point(sample, FILTER))) / size;
+            let ray = self.camera.ray(place.into(), size.x / size.y);
+            let radiance = tracer.radiance(&ray, &points, sample);
+            estimate.add(radiance * brightness, self.tone_curve());
+        }
+        estimate
     }
 }
 

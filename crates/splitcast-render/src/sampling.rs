@@ -162,7 +162,8 @@ fn to_unit(value: u32) -> f32 {
 /// the libraries' sines.
 fn sin_octant(angle: f32) -> f32 {
     let square = angle * angle;
-    let series =
-        1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)));
+    let series = 1.0
+        + square
+            * (-1.0 / 6.0 + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square / 362_880.0)));
     angle * series
 }

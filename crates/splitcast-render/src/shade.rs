@@ -8,7 +8,7 @@
 //! often as the quality allows.
 
 use glam::{Vec2, Vec3};
-use splitcast::{Hit, KdTree, Ray};
+use splitcast::{KdTree, Ray};
 
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, cosine_hemisphere};
@@ -63,8 +63,6 @@ enum Met {
 #[derive(Clone, Copy, Debug)]
 struct Arriving {
     sun: Vec3,
-    /// Direction to the point of the sun that was sampled.
-    to_sun: Vec3,
     around: Vec3,
     /// Share of the surroundings that is open.
     open: f32,
@@ -179,15 +177,16 @@ impl<'s> Tracer<'s> {
         };
         Arriving {
             sun,
-            to_sun,
             around: open_light + difference,
             open,
         }
     }
 
-    /// The sun's light on a surface, if nothing stands between.
+    /// The sun's light on a surface, if nothing stands between. Visibility
+    /// goes by the sampled point of the sun, but light by its middle: the same
+    /// on average, and free of noise where the whole sun is seen.
     fn sun_light(&mut self, start: Vec3, normal: Vec3, to_sun: Vec3) -> Vec3 {
-        let cosine = normal.dot(to_sun);
+        let cosine = normal.dot(self.surroundings.sky.sun());
         if cosine <= 0.0 {
             return Vec3::ZERO;
         }
@@ -221,19 +220,11 @@ impl<'s> Tracer<'s> {
             .and_then(|ground| ground.intersect(origin, direction));
         let hit = self.tree().closest_hit(ray);
         match (hit, on_ground) {
-            (Some(hit), Some(t)) if t < hit.t => self.met_ground(origin + direction * t),
-            (Some(hit), _) => Met::Mesh(self.surface(&hit, direction)),
-            (None, Some(t)) => self.met_ground(origin + direction * t),
+            (Some(hit), Some(t)) if t < hit.t => Met::Ground(origin + direction * t),
+            (Some(hit), _) => Met::Mesh(self.surfaces.at(&hit, direction)),
+            (None, Some(t)) => Met::Ground(origin + direction * t),
             (None, None) => Met::Nothing,
         }
-    }
-
-    fn met_ground(&self, point: Vec3) -> Met {
-        Met::Ground(point)
-    }
-
-    fn surface(&self, hit: &Hit, direction: Vec3) -> Surface {
-        self.surfaces.at(hit, direction)
     }
 }
 
@@ -249,7 +240,7 @@ fn reflect(sky: &Sky, surface: &Surface, to_eye: Vec3, arriving: &Arriving) -> V
     let diffuse = surface.albedo * (arriving.sun + arriving.around) * (1.0 - fresnel);
     let mirrored = 2.0 * normal.dot(to_eye) * normal - to_eye;
     let sheen = sky.irradiance(mirrored) * (fresnel * arriving.open);
-    diffuse + sheen + arriving.sun * highlight(normal, to_eye, arriving.to_sun)
+    diffuse + sheen + arriving.sun * highlight(normal, to_eye, sky.sun())
 }
 
 /// The GGX lobe for light from `to_light`, relative to a white diffuse

@@ -13,9 +13,9 @@ use crate::sampling::{PixelSamples, cosine_hemisphere, disk};
 
 /// Light from the horizon, from straight above, and from the sun on a white
 /// surface that faces it. A white surface on open ground gets about 1 in all.
-const HORIZON: Vec3 = Vec3::new(0.78, 0.84, 0.92);
-const ZENITH: Vec3 = Vec3::new(0.20, 0.36, 0.70);
-const SUN: Vec3 = Vec3::new(0.92, 0.80, 0.64);
+const HORIZON: Vec3 = Vec3::new(0.70, 0.80, 0.92);
+const ZENITH: Vec3 = Vec3::new(0.14, 0.26, 0.50);
+const SUN: Vec3 = Vec3::new(1.15, 0.98, 0.78);
 
 /// What lies below the horizon where there is no ground.
 const NADIR: Vec3 = Vec3::new(0.34, 0.33, 0.33);

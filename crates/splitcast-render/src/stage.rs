@@ -2,13 +2,17 @@
 //! stands. Camera, ground and light all derive from it, so that a mesh in
 //! millimetres and one in metres give the same picture.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3Swizzles};
 use splitcast::Aabb;
 
-/// Direction to the sun along the stage's axes when none is asked for: high,
-/// and to the left behind the default camera, so that the lit side shows and
-/// the shadow falls to the right.
-const DEFAULT_SUN: DVec3 = DVec3::new(-0.62, 0.92, 0.46);
+/// Direction from the motion to the default camera when the motion is longest
+/// along the first of the stage's axes: a three-quarter view from slightly above.
+const THREE_QUARTER: DVec3 = DVec3::new(0.52, 0.22, 0.85);
+
+/// Direction to the default sun, to the right, upwards and towards the default
+/// camera: high and to the left behind the camera, so that the lit side shows
+/// and the shadow falls to the right and away.
+const DEFAULT_SUN: DVec3 = DVec3::new(-0.85, 0.85, 0.12);
 
 /// A place for a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,13 +71,32 @@ impl Stage {
     }
 
     /// The world's direction for components along the stage's axes.
-    pub(crate) fn direction(&self, along: DVec3) -> DVec3 {
+    fn direction(&self, along: DVec3) -> DVec3 {
         self.axes[0] * along.x + self.axes[1] * along.y + self.axes[2] * along.z
+    }
+
+    /// Unit direction to the default camera: a motion that is longest along
+    /// one horizontal axis is seen rather from its side.
+    pub(crate) fn default_view(&self) -> DVec3 {
+        let [extent_0, extent_2] = [self.axes[0], self.axes[2]].map(|axis| {
+            let along = self.corners.map(|corner| corner.dot(axis));
+            along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b))
+                - along.iter().fold(f64::INFINITY, |a, &b| a.min(b))
+        });
+        let view = if extent_2 > extent_0 {
+            THREE_QUARTER.zyx()
+        } else {
+            THREE_QUARTER
+        };
+        self.direction(view.normalize())
     }
 
     /// Unit direction to the default sun.
     pub(crate) fn default_sun(&self) -> DVec3 {
-        self.direction(DEFAULT_SUN.normalize())
+        let (up, view) = (self.up(), self.default_view());
+        let right = up.cross(view).normalize();
+        let towards = right.cross(up);
+        (right * DEFAULT_SUN.x + up * DEFAULT_SUN.y + towards * DEFAULT_SUN.z).normalize()
     }
 }
 

@@ -6,7 +6,7 @@ use splitcast::{Hit, KdTree};
 use crate::srgb;
 
 /// Share of light that a mesh without colours reflects: fired clay.
-const CLAY: Vec3 = Vec3::new(0.62, 0.42, 0.31);
+const CLAY: Vec3 = Vec3::new(0.50, 0.24, 0.14);
 
 /// Rays that leave a surface start this far above it, relative to its largest
 /// coordinate: 32 units in the last place, several times what barycentric

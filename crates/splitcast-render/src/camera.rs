@@ -157,12 +157,6 @@ impl Camera {
             self.forward + self.right * ((2.0 * x - 1.0) * aspect) + self.up * (1.0 - 2.0 * y);
         Ray::new(self.eye.into(), direction.normalize().into())
     }
-
-    /// Height of a picture at distance 1, over its number of rows: what a
-    /// pixel covers there.
-    pub(crate) fn pixel_size(&self, rows: u32) -> f32 {
-        2.0 * self.up.length() / rows as f32
-    }
 }
 
 /// Half the picture's height at distance 1.

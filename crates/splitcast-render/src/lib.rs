@@ -2,9 +2,12 @@
 
 mod adaptive;
 mod camera;
+mod color_map;
+mod debug_view;
 mod error;
 mod ground;
 mod image;
+mod legend;
 mod options;
 mod renderer;
 mod sampling;

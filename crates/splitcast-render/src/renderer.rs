@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
-use splitcast::{Aabb, KdTree};
+use splitcast::{Aabb, KdTree, Ray};
 use splitcast_scene::Frame;
 
 use crate::adaptive::{Estimate, first_samples, is_uneven};
@@ -14,9 +14,9 @@ use crate::shade::{FILTER, Surroundings, Tracer};
 use crate::sky::Sky;
 use crate::smooth_normals::smooth_normals;
 use crate::stage::Stage;
-use crate::surface::Surfaces;
+use crate::surface::{CLAY, PLASTER, Surface, Surfaces};
 use crate::tiles::render_tiles;
-use crate::{Camera, Image, RenderError, RenderOptions, Shading, ToneCurve};
+use crate::{Camera, Image, RenderError, RenderOptions, Shading, ToneCurve, View, debug_view};
 
 /// Sine of the lowest sun that still gives light on the ground.
 const LOWEST_SUN: f32 = 0.02;
@@ -96,12 +96,19 @@ impl Renderer {
                 None => Cow::Owned(smooth_normals(&frame.positions, &frame.triangles)),
             }),
         };
+        let options = &self.options;
         let surfaces = Surfaces {
             tree,
             normals: normals.as_deref(),
-            colors: frame.colors.as_ref().map(|colors| colors.as_slice()),
+            colors: match options.view {
+                View::SplitPlanes => None,
+                _ => frame.colors.as_ref().map(|colors| colors.as_slice()),
+            },
+            material: match options.view {
+                View::SplitPlanes => PLASTER,
+                _ => CLAY,
+            },
         };
-        let options = &self.options;
         let &RenderOptions { width, height, .. } = options;
         let tracer = || Tracer::new(surfaces, &self.surroundings);
         let samples = options.effective_samples_per_pixel();
@@ -120,19 +127,23 @@ impl Renderer {
             (estimate.sum() / taken as f32).max(Vec3::ZERO).into()
         });
         tracers.extend(rest);
-        let image = Image {
+        let mut image = Image {
             width,
             height,
             pixels,
             tone_curve: self.tone_curve(),
         };
+        debug_view::draw_legend(&mut image, tree, options);
         let rays = tracers.iter().map(|tracer| tracer.rays).sum();
         Ok((image, RenderStats { rays }))
     }
 
     /// How the picture is brought to a display.
     fn tone_curve(&self) -> ToneCurve {
-        ToneCurve::Filmic
+        match self.options.view {
+            View::Beauty | View::SplitPlanes => ToneCurve::Filmic,
+            View::Steps | View::LeafDepth | View::Normals => ToneCurve::Exact,
+        }
     }
 
     /// Adds the given samples of a pixel to its estimate.
@@ -145,16 +156,80 @@ impl Renderer {
     ) -> Estimate {
         let options = &self.options;
         let size = Vec2::new(options.width as f32, options.height as f32);
-        let brightness = options.exposure.exp2();
         let points = PixelSamples::new(x, y, options.effective_samples_per_pixel(), options.seed);
         let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let tree = tracer.tree();
         for sample in samples {
             let place = (middle + tent(points.point(sample, FILTER))) / size;
             let ray = self.camera.ray(place.into(), size.x / size.y);
-            let radiance = tracer.radiance(&ray, &points, sample);
-            estimate.add(radiance * brightness, self.tone_curve());
+            let color = match options.view {
+                View::Beauty => self.light(tracer, &ray, &points, sample),
+                View::SplitPlanes => self
+                    .split_line(tracer, &ray, place)
+                    .unwrap_or_else(|| self.light(tracer, &ray, &points, sample)),
+                View::Steps => {
+                    let (_, counts) = tracer.mesh_along(&ray);
+                    debug_view::steps_color(counts.inner_nodes + counts.leaves, options)
+                }
+                View::LeafDepth => self.data_color(tracer, &ray, |surface| {
+                    let depth = debug_view::leaf_depth(tree, surface.position);
+                    let color = debug_view::depth_color(depth, tree);
+                    debug_view::shaded(color, surface, ray.direction.into())
+                }),
+                View::Normals => self.data_color(tracer, &ray, |surface| {
+                    debug_view::normal_color(surface.normal)
+                }),
+            };
+            estimate.add(color, self.tone_curve());
         }
         estimate
+    }
+
+    /// Light from the scene, as bright as the exposure makes it.
+    fn light(
+        &self,
+        tracer: &mut Tracer<'_>,
+        ray: &Ray,
+        points: &PixelSamples,
+        sample: u32,
+    ) -> Vec3 {
+        tracer.radiance(ray, points, sample) * self.options.exposure.exp2()
+    }
+
+    /// What `color` makes of the mesh along the ray, or the background.
+    fn data_color(
+        &self,
+        tracer: &mut Tracer<'_>,
+        ray: &Ray,
+        color: impl Fn(&Surface) -> Vec3,
+    ) -> Vec3 {
+        let (surface, _) = tracer.mesh_along(ray);
+        surface.map_or(debug_view::BACKGROUND, |surface| color(&surface))
+    }
+
+    /// The line that a split plane draws where the ray through `place` of the
+    /// picture meets the mesh.
+    fn split_line(&self, tracer: &mut Tracer<'_>, ray: &Ray, place: Vec2) -> Option<Vec3> {
+        let options = &self.options;
+        let surface = tracer.mesh_along(ray).0?;
+        let eye = Vec3::from(ray.origin);
+        let size = Vec2::new(options.width as f32, options.height as f32);
+        let distance = (surface.position - eye).dot(surface.facet);
+        // Where neighbouring pixels would see the plane of the triangle.
+        let steps = [Vec2::X, Vec2::Y].map(|pixel| {
+            let beside = self
+                .camera
+                .ray((place + pixel / size).into(), size.x / size.y);
+            let direction = Vec3::from(beside.direction);
+            eye + direction * (distance / direction.dot(surface.facet)) - surface.position
+        });
+        debug_view::split_line(
+            tracer.tree(),
+            surface.position,
+            steps,
+            options.split_levels,
+            options.height,
+        )
     }
 }
 

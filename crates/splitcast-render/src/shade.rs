@@ -8,7 +8,7 @@
 //! often as the quality allows.
 
 use glam::{Vec2, Vec3};
-use splitcast::{KdTree, Ray};
+use splitcast::{KdTree, Ray, TraversalCounts};
 
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, cosine_hemisphere};
@@ -113,7 +113,15 @@ impl<'s> Tracer<'s> {
         }
     }
 
-    /// The closest hit of a camera ray, and the nodes visited on the way.
+    /// The mesh where a ray of unit direction meets it, and the work that took.
+    pub(crate) fn mesh_along(&mut self, ray: &Ray) -> (Option<Surface>, TraversalCounts) {
+        self.rays += 1;
+        let (hit, counts) = self.tree().closest_hit_counted(ray);
+        let surface = hit.map(|hit| self.surfaces.at(&hit, ray.direction.into()));
+        (surface, counts)
+    }
+
+    /// The tree that rays go through.
     pub(crate) fn tree(&self) -> &'s KdTree<'s> {
         self.surfaces.tree
     }

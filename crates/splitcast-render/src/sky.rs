@@ -13,7 +13,7 @@ use crate::sampling::{PixelSamples, cosine_hemisphere, disk};
 
 /// Light from the horizon, from straight above, and from the sun on a white
 /// surface that faces it. A white surface on open ground gets about 1 in all.
-const HORIZON: Vec3 = Vec3::new(0.70, 0.80, 0.92);
+const HORIZON: Vec3 = Vec3::new(0.68, 0.80, 0.93);
 const ZENITH: Vec3 = Vec3::new(0.14, 0.26, 0.50);
 const SUN: Vec3 = Vec3::new(1.15, 0.98, 0.78);
 

@@ -6,7 +6,10 @@ use splitcast::{Hit, KdTree};
 use crate::srgb;
 
 /// Share of light that a mesh without colours reflects: fired clay.
-const CLAY: Vec3 = Vec3::new(0.50, 0.24, 0.14);
+pub(crate) const CLAY: Vec3 = Vec3::new(0.50, 0.24, 0.14);
+
+/// The same where colours mean something else: plaster.
+pub(crate) const PLASTER: Vec3 = Vec3::splat(0.6);
 
 /// Rays that leave a surface start this far above it, relative to its largest
 /// coordinate: 32 units in the last place, several times what barycentric
@@ -20,6 +23,8 @@ pub(crate) struct Surfaces<'s> {
     /// Unit normals, or none for flat shading. Zero where there is none.
     pub(crate) normals: Option<&'s [[f32; 3]]>,
     pub(crate) colors: Option<&'s [[u8; 3]]>,
+    /// Albedo where there are no colours.
+    pub(crate) material: Vec3,
 }
 
 /// A point on the mesh.
@@ -60,7 +65,7 @@ impl Surfaces<'_> {
             start: position,
             facet,
             normal: facet,
-            albedo: self.colors.map_or(CLAY, |colors| {
+            albedo: self.colors.map_or(self.material, |colors| {
                 mix(vertices.map(|vertex| srgb::decode(colors[vertex as usize]).into()))
             }),
         };

@@ -29,7 +29,7 @@ const FROM_CURVE: Mat3 = rows([
 
 /// Brings diffuse white in full light to 0.8 on the display, which leaves the
 /// shoulder for highlights; the fit alone is made for darker scenes.
-const EXPOSURE: f32 = 1.4;
+const EXPOSURE: f32 = 1.6;
 
 /// Above this the curve is flat in single precision; keeps its square finite.
 const BRIGHTEST: f32 = 1e6;

@@ -2,8 +2,13 @@
 //! a [`KdTree`].
 
 mod binned;
+mod binned_subtree;
+mod clip;
+mod distribute;
+mod plane_search;
 mod references;
 mod subtree;
+mod sweep;
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,7 +16,7 @@ use std::str::FromStr;
 use crate::kd_tree::KdTree;
 use crate::{BuildError, CostModel, Mesh, OptionsError};
 
-pub(crate) use references::Reference;
+pub(crate) use references::{Reference, Triangles};
 pub(crate) use subtree::{NodeWriter, Subtree};
 
 /// The deepest tree that traversal's fixed stack can hold.
@@ -29,16 +34,20 @@ pub enum Builder {
     /// 2007): the fast full rebuild.
     #[default]
     Binned,
+    /// Exact SAH over all planes, with triangles clipped to cells (Wald &
+    /// Havran 2006): the reference for quality.
+    Sweep,
 }
 
 impl Builder {
     /// Every builder, fastest first.
-    pub const ALL: &'static [Self] = &[Self::Binned];
+    pub const ALL: &'static [Self] = &[Self::Binned, Self::Sweep];
 
     /// The name used on command lines and in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Binned => "binned",
+            Self::Sweep => "sweep",
         }
     }
 }
@@ -163,11 +172,11 @@ impl BuildOptions {
 /// Builds a tree over `mesh`; the one entry for every builder.
 pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree<'m>, BuildError> {
     options.validate()?;
-    let (references, skipped) = references::collect(mesh, options.non_finite)?;
-    let bounds = references::bounds_of(&references);
-    let max_depth = options.depth_bound(references.len());
-    let tree = match options.builder {
-        Builder::Binned => binned::build(references, bounds, max_depth, options),
+    let triangles = Triangles::of(mesh, options.non_finite)?;
+    let max_depth = options.depth_bound(triangles.len());
+    let (subtree, bounds) = match options.builder {
+        Builder::Binned => binned::build(&triangles, max_depth, options),
+        Builder::Sweep => sweep::build(&triangles, max_depth, options),
     };
-    tree.into_tree(mesh, bounds, options.cost, skipped)
+    subtree.into_tree(mesh, bounds, options.cost, triangles.skipped())
 }

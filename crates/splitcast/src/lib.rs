@@ -34,6 +34,7 @@ mod kd_tree;
 mod mesh;
 mod ray;
 mod sah;
+mod simd;
 mod traverse;
 
 pub use aabb::Aabb;

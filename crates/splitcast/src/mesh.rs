@@ -65,7 +65,12 @@ impl<'m> Mesh<'m> {
     /// If there is no such triangle.
     #[inline]
     pub fn corners(&self, index: u32) -> [[f32; 3]; 3] {
-        self.triangles[index as usize].map(|vertex| self.positions[vertex as usize])
+        let [a, b, c] = self.triangles[index as usize];
+        [
+            self.positions[a as usize],
+            self.positions[b as usize],
+            self.positions[c as usize],
+        ]
     }
 
     /// The box around the three corners of triangle `index`.

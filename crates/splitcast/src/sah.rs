@@ -73,7 +73,9 @@ impl CostModel {
     /// Expected cost of a leaf of `count` triangles, given that a ray enters it.
     #[inline(always)]
     pub fn leaf(&self, count: u32) -> f32 {
-        self.intersection * (count.div_ceil(self.leaf_width)) as f32
+        // A power of two: the shift vectorises where a division would not.
+        let blocks = (count + (self.leaf_width - 1)) >> self.leaf_width.trailing_zeros();
+        self.intersection * blocks as i32 as f32
     }
 
     /// Expected cost of a split, given that a ray enters the node. `left` and
@@ -83,6 +85,7 @@ impl CostModel {
     pub fn split(&self, left: (f32, u32), right: (f32, u32)) -> f32 {
         let cost = self.traversal + (left.0 * self.leaf(left.1) + right.0 * self.leaf(right.1));
         let empty = (left.1 == 0) | (right.1 == 0);
-        cost * if empty { 1.0 - self.empty_bonus } else { 1.0 }
+        let forgiven = if empty { self.empty_bonus } else { 0.0 };
+        cost - cost * forgiven
     }
 }

@@ -1,78 +1,145 @@
 //! Min-max binning over all three axes, in parallel (Shevtsov, Soupikov &
 //! Kapustin 2007): the fast full rebuild.
+//!
+//! Three phases keep all work in cache and off the upper levels:
+//!
+//! 1. a *top tree* over a sample of the triangles, down to buckets;
+//! 2. every triangle is sorted into the buckets it overlaps ([`distribute`]);
+//! 3. each bucket is finished on its own ([`BinnedSubtree`]).
+//!
+//! Counts of a sample only choose planes; what lies where is decided for every
+//! triangle, so sampling costs quality (little), never a hit. Small meshes are
+//! a single bucket. All sizes below are fixed, so the tree does not depend on
+//! the number of threads.
 
-use super::{BuildOptions, NodeWriter, Reference, Subtree};
-use crate::{Aabb, CostModel};
+use rayon::prelude::*;
 
-/// Candidate planes an axis.
-const PLANES: usize = 8;
+use super::binned_subtree::BinnedSubtree;
+use super::distribute::distribute;
+use super::references::bounds_of;
+use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
+use crate::Aabb;
+use crate::kd_tree::NodeKind;
+use crate::simd::dispatch;
 
-/// Builds a subtree over `references`, which all overlap `bounds`.
+/// Triangles that one reference of the sample stands for.
+const SAMPLE_STRIDE: usize = 8;
+
+/// Triangles in a bucket, about: 32 bytes each, twice that while it is being
+/// built, fill a first-level cache.
+const BUCKET: usize = 512;
+
+/// Meshes below this size are one bucket.
+const SMALL_MESH: usize = 4 * BUCKET;
+
+/// Builds a subtree over `triangles`; gives it with the box around them.
 pub(super) fn build(
-    references: Vec<Reference>,
-    bounds: Aabb,
+    triangles: &Triangles<'_>,
     max_depth: u32,
     options: &BuildOptions,
-) -> Subtree {
-    let mut writer = NodeWriter::default();
-    recurse(&mut writer, references, bounds, max_depth, options);
-    writer.finish()
+) -> (Subtree, Aabb) {
+    let min_split = options.min_split as usize;
+    if triangles.len() < SMALL_MESH {
+        let mut references = triangles.references();
+        let bounds = bounds_of(&references);
+        let subtree = dispatch(BinnedSubtree {
+            references: &mut references,
+            cell: bounds,
+            levels: max_depth,
+            weight: 1,
+            min_split,
+            options,
+        });
+        return (subtree, bounds);
+    }
+    let mut sample = sample(triangles);
+    let top = dispatch(BinnedSubtree {
+        cell: bounds_of(&sample),
+        references: &mut sample,
+        levels: max_depth,
+        weight: SAMPLE_STRIDE as u32,
+        min_split: min_split.max(BUCKET / SAMPLE_STRIDE),
+        options,
+    });
+    let buckets = distribute(triangles, &top);
+    let bounds = buckets.bounds();
+    let subtrees: Vec<Subtree> = leaf_cells(&top, bounds)
+        .par_iter()
+        .enumerate()
+        .map_init(Vec::new, |scratch, (bucket, &(cell, depth))| {
+            scratch.clear();
+            buckets.gather(bucket, scratch);
+            dispatch(BinnedSubtree {
+                references: scratch,
+                cell,
+                levels: max_depth - depth,
+                weight: 1,
+                min_split,
+                options,
+            })
+        })
+        .collect();
+    (assemble(&top, &subtrees), bounds)
 }
 
-fn recurse(
-    writer: &mut NodeWriter,
-    references: Vec<Reference>,
-    cell: Aabb,
-    levels: u32,
-    options: &BuildOptions,
-) {
-    let best = (levels > 0 && references.len() > options.min_split as usize)
-        .then(|| find_split(&references, &cell, &options.cost))
-        .flatten();
-    let Some((axis, position)) = best else {
-        writer.leaf(references.iter().map(|r| r.triangle));
-        return;
-    };
-    let left: Vec<_> = references
-        .iter()
-        .copied()
-        .filter(|r| r.min[axis] < position || r.max[axis] <= position)
-        .collect();
-    let right: Vec<_> = references
-        .into_iter()
-        .filter(|r| r.max[axis] > position)
-        .collect();
-    let (left_cell, right_cell) = cell.split(axis, position);
-    let inner = writer.open_inner(axis, position);
-    recurse(writer, left, left_cell, levels - 1, options);
-    writer.begin_right(inner);
-    recurse(writer, right, right_cell, levels - 1, options);
+/// Every [`SAMPLE_STRIDE`]th triangle, but for a scramble of the places, so
+/// that no regular order of the mesh can hide parts of it.
+fn sample(triangles: &Triangles<'_>) -> Vec<Reference> {
+    (0..triangles.len() / SAMPLE_STRIDE)
+        .map(|chunk| {
+            // Fibonacci hashing (Knuth, TAOCP 6.4): the top bits of a multiple of 2³²/φ.
+            let scramble = (chunk as u32).wrapping_mul(0x9E37_79B9) >> 16;
+            let place = scramble as usize % SAMPLE_STRIDE;
+            triangles.reference(chunk * SAMPLE_STRIDE + place)
+        })
+        .collect()
 }
 
-fn find_split(references: &[Reference], cell: &Aabb, cost: &CostModel) -> Option<(usize, f32)> {
-    let mut best = (cost.leaf(references.len() as u32), None);
-    let area = cell.half_area();
-    for axis in 0..3 {
-        for plane in 0..PLANES {
-            let share = (plane + 1) as f32 / (PLANES + 1) as f32;
-            let position = cell.min[axis] + share * (cell.max[axis] - cell.min[axis]);
-            if !(position > cell.min[axis] && position < cell.max[axis]) {
-                continue;
+/// Cells and depths of a subtree's leaves, in order.
+fn leaf_cells(top: &Subtree, bounds: Aabb) -> Vec<(Aabb, u32)> {
+    let mut cells = Vec::new();
+    let mut right_children = Vec::new();
+    let (mut cell, mut depth) = (bounds, 0);
+    for node in top.nodes() {
+        match node.kind() {
+            NodeKind::Inner { axis, position, .. } => {
+                let (left, right) = cell.split(axis, position);
+                depth += 1;
+                right_children.push((right, depth));
+                cell = left;
             }
-            let left = references
-                .iter()
-                .filter(|r| r.min[axis] < position || r.max[axis] <= position)
-                .count();
-            let right = references.iter().filter(|r| r.max[axis] > position).count();
-            let (left_cell, right_cell) = cell.split(axis, position);
-            let c = cost.split(
-                (left_cell.half_area() / area, left as u32),
-                (right_cell.half_area() / area, right as u32),
-            );
-            if c < best.0 {
-                best = (c, Some((axis, position)));
+            NodeKind::Leaf { .. } => {
+                cells.push((cell, depth));
+                if let Some(next) = right_children.pop() {
+                    (cell, depth) = next;
+                }
             }
         }
     }
-    best.1
+    cells
+}
+
+/// Puts the buckets' subtrees in the place of the top tree's leaves.
+fn assemble(top: &Subtree, subtrees: &[Subtree]) -> Subtree {
+    let mut writer = NodeWriter::with_capacity_for(subtrees, top);
+    let mut right_children = Vec::new();
+    let mut buckets = subtrees.iter();
+    for node in top.nodes() {
+        match node.kind() {
+            NodeKind::Inner { axis, position, .. } => {
+                right_children.push(writer.open_inner(axis, position));
+            }
+            NodeKind::Leaf { .. } => {
+                writer.append(
+                    buckets
+                        .next()
+                        .expect("one subtree for each leaf of the top"),
+                );
+                if let Some(inner) = right_children.pop() {
+                    writer.begin_right(inner);
+                }
+            }
+        }
+    }
+    writer.finish()
 }

@@ -21,11 +21,41 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    pub(crate) fn new(bounds: Aabb, triangle: u32) -> Self {
+    /// Fills working memory.
+    pub(crate) const ZERO: Self = Self {
+        min: [0.0; 3],
+        triangle: 0,
+        max: [0.0; 3],
+        _padding: 0,
+    };
+
+    /// Both corners as four lanes; the fourth means nothing.
+    #[inline(always)]
+    pub(crate) fn lanes(&self) -> ([f32; 4], [f32; 4]) {
+        let [a, b, c] = self.min;
+        let [d, e, f] = self.max;
+        let bits = f32::from_bits;
+        (
+            [a, b, c, bits(self.triangle)],
+            [d, e, f, bits(self._padding)],
+        )
+    }
+
+    /// The box of a triangle.
+    #[inline(always)]
+    fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
         Self {
-            min: bounds.min,
+            min: [
+                a[0].min(b[0]).min(c[0]),
+                a[1].min(b[1]).min(c[1]),
+                a[2].min(b[2]).min(c[2]),
+            ],
             triangle,
-            max: bounds.max,
+            max: [
+                a[0].max(b[0]).max(c[0]),
+                a[1].max(b[1]).max(c[1]),
+                a[2].max(b[2]).max(c[2]),
+            ],
             _padding: 0,
         }
     }
@@ -38,47 +68,106 @@ impl Reference {
     }
 }
 
-/// One reference per triangle, in the mesh's order, and the number of
-/// triangles left out because a corner is out of range.
-pub(crate) fn collect(
-    mesh: Mesh<'_>,
-    non_finite: NonFinite,
-) -> Result<(Vec<Reference>, usize), BuildError> {
-    let triangles = mesh.triangles();
-    let mut references: Vec<Reference> = (0..triangles.len() as u32)
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .map(|triangle| Reference::new(mesh.triangle_bounds(triangle), triangle))
-        .collect();
-    let usable = |reference: &Reference| {
-        // `max` and `min` drop NaN, so a NaN corner has to be looked for in the mesh; every
-        // other bad coordinate shows in the box.
-        let within = |x: f32| x.abs() <= MAX_COORDINATE;
-        mesh.corners(reference.triangle)
-            .iter()
-            .flatten()
-            .all(|&x| within(x))
-    };
-    if references.par_iter().with_min_len(CHUNK).all(usable) {
-        return Ok((references, 0));
-    }
-    match non_finite {
-        NonFinite::Reject => Err(first_unusable(mesh)),
-        NonFinite::Skip => {
-            references.retain(usable);
-            let skipped = triangles.len() - references.len();
-            Ok((references, skipped))
+/// The triangles that a tree is built over: all of a mesh, or those left when
+/// unusable ones are skipped.
+#[derive(Debug)]
+pub(crate) struct Triangles<'m> {
+    mesh: Mesh<'m>,
+    /// The usable triangles in rising order, if not all are.
+    usable: Option<Vec<u32>>,
+}
+
+impl<'m> Triangles<'m> {
+    /// Finds the usable triangles of a mesh: those whose corners can be traced.
+    pub(crate) fn of(mesh: Mesh<'m>, non_finite: NonFinite) -> Result<Self, BuildError> {
+        let traceable = |position: &[f32; 3]| {
+            // Written so that NaN fails; no short cut, so that it vectorises.
+            let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
+            x & y & z
+        };
+        let all = |positions: &[[f32; 3]]| {
+            positions
+                .iter()
+                .fold(true, |all, position| all & traceable(position))
+        };
+        if mesh.positions().par_chunks(CHUNK).all(all) {
+            return Ok(Self { mesh, usable: None });
         }
+        let usable: Vec<u32> = (0..mesh.triangles().len() as u32)
+            .filter(|&triangle| mesh.corners(triangle).iter().all(traceable))
+            .collect();
+        if non_finite == NonFinite::Reject && usable.len() < mesh.triangles().len() {
+            return Err(first_unusable(mesh));
+        }
+        Ok(Self {
+            mesh,
+            usable: Some(usable),
+        })
+    }
+
+    pub(crate) fn mesh(&self) -> Mesh<'m> {
+        self.mesh
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        match &self.usable {
+            None => self.mesh.triangles().len(),
+            Some(usable) => usable.len(),
+        }
+    }
+
+    /// Number of triangles left out.
+    pub(crate) fn skipped(&self) -> usize {
+        self.mesh.triangles().len() - self.len()
+    }
+
+    /// The reference to the triangle at `place` among the usable ones.
+    #[inline(always)]
+    pub(crate) fn reference(&self, place: usize) -> Reference {
+        let triangle = match &self.usable {
+            None => place as u32,
+            Some(usable) => usable[place],
+        };
+        Reference::of_triangle(self.mesh.corners(triangle), triangle)
+    }
+
+    /// References to all usable triangles, in the mesh's order.
+    pub(crate) fn references(&self) -> Vec<Reference> {
+        (0..self.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|place| self.reference(place))
+            .collect()
     }
 }
 
 /// The box around all references.
+#[inline(always)]
 pub(crate) fn bounds_of(references: &[Reference]) -> Aabb {
-    references
-        .par_iter()
-        .with_min_len(CHUNK)
-        .map(Reference::bounds)
-        .reduce(|| Aabb::EMPTY, |a, b| a.union(&b))
+    let mut min = [f32::INFINITY; 4];
+    let mut max = [f32::NEG_INFINITY; 4];
+    for reference in references {
+        let (low, high) = reference.lanes();
+        // Not `f32::min`: a plain selection is a single instruction.
+        for lane in 0..4 {
+            min[lane] = if low[lane] < min[lane] {
+                low[lane]
+            } else {
+                min[lane]
+            };
+            max[lane] = if high[lane] > max[lane] {
+                high[lane]
+            } else {
+                max[lane]
+            };
+        }
+    }
+    let [a, b, c, _] = min;
+    let [d, e, f, _] = max;
+    Aabb {
+        min: [a, b, c],
+        max: [d, e, f],
+    }
 }
 
 /// Names the first vertex that keeps a triangle from being used.

@@ -30,6 +30,18 @@ pub(crate) struct NodeWriter {
 }
 
 impl NodeWriter {
+    /// A writer with room for `parts` under the inner nodes of `top`.
+    pub(crate) fn with_capacity_for(parts: &[Subtree], top: &Subtree) -> Self {
+        let nodes = parts.iter().map(|part| part.nodes.len()).sum::<usize>();
+        let references = parts.iter().map(|part| part.references.len()).sum();
+        Self {
+            subtree: Subtree {
+                nodes: Vec::with_capacity(nodes + top.nodes.len()),
+                references: Vec::with_capacity(references),
+            },
+        }
+    }
+
     /// Writes a leaf over `triangles`.
     pub(crate) fn leaf(&mut self, triangles: impl Iterator<Item = u32>) {
         let Subtree { nodes, references } = &mut self.subtree;
@@ -77,6 +89,11 @@ impl NodeWriter {
 }
 
 impl Subtree {
+    /// All nodes, depth first.
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
     /// Makes the whole tree of this subtree.
     pub(crate) fn into_tree(
         self,

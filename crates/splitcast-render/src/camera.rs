@@ -199,3 +199,163 @@ fn motion_and_shadow(stage: &Stage) -> Vec<DVec3> {
         .chain(middles.map(shadow))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn view() -> Perspective {
+        Perspective {
+            eye: [0.0, 0.0, 5.0],
+            look_at: [0.0; 3],
+            up: [0.0, 2.0, 0.0],
+            vertical_fov_degrees: 90.0,
+        }
+    }
+
+    fn close(a: [f32; 2], b: [f32; 2]) -> bool {
+        (a[0] - b[0]).abs() < 1e-4 && (a[1] - b[1]).abs() < 1e-4
+    }
+
+    #[test]
+    fn known_points_appear_where_they_should() {
+        let camera = Camera::new(&view()).unwrap();
+        let cases = [
+            ([0.0, 0.0, 0.0], [0.5, 0.5]),
+            // At 90 degrees the picture is as high as twice its distance.
+            ([0.0, 5.0, 0.0], [0.5, 0.0]),
+            ([-10.0, 0.0, 0.0], [0.0, 0.5]),
+            ([10.0, -5.0, 0.0], [1.0, 1.0]),
+        ];
+        for (point, place) in cases {
+            let projected = camera.project(point, 2.0).unwrap();
+            assert!(close(projected, place), "{point:?} at {projected:?}");
+        }
+        assert_eq!(camera.project([0.0, 0.0, 6.0], 2.0), None);
+    }
+
+    #[test]
+    fn rays_pass_through_the_points_that_are_seen() {
+        let camera = Camera::new(&view()).unwrap();
+        for place in [[0.5, 0.5], [0.0, 0.0], [0.9, 0.2]] {
+            let point = camera.ray(place, 1.5).at(7.0);
+            assert!(close(camera.project(point, 1.5).unwrap(), place));
+        }
+    }
+
+    #[test]
+    fn impossible_views_are_refused() {
+        use RenderError as E;
+        type Case = (fn(&mut Perspective), fn(&RenderError) -> bool);
+        let cases: [Case; 9] = [
+            (
+                |v| v.eye = v.look_at,
+                |e| matches!(e, E::EyeAtTarget { .. }),
+            ),
+            (
+                |v| v.up = [0.0; 3],
+                |e| matches!(e, E::ZeroDirection { field: "up" }),
+            ),
+            (
+                |v| v.up = [0.0, 0.0, -3.0],
+                |e| matches!(e, E::UpAlongView { .. }),
+            ),
+            (
+                |v| v.eye[1] = f32::NAN,
+                |e| matches!(e, E::Coordinates { field: "eye", .. }),
+            ),
+            (
+                |v| v.look_at[0] = 1e30,
+                |e| matches!(e, E::Coordinates { .. }),
+            ),
+            (
+                |v| v.vertical_fov_degrees = 0.0,
+                |e| matches!(e, E::OutOfRange { .. }),
+            ),
+            (
+                |v| v.vertical_fov_degrees = 180.0,
+                |e| matches!(e, E::OutOfRange { .. }),
+            ),
+            (
+                |v| v.vertical_fov_degrees = -20.0,
+                |e| matches!(e, E::OutOfRange { .. }),
+            ),
+            (
+                |v| v.vertical_fov_degrees = f32::NAN,
+                |e| matches!(e, E::OutOfRange { .. }),
+            ),
+        ];
+        for (index, (change, expected)) in cases.into_iter().enumerate() {
+            let mut view = view();
+            change(&mut view);
+            let error = Camera::new(&view).unwrap_err();
+            assert!(expected(&error), "case {index}: {error}");
+        }
+    }
+
+    #[test]
+    fn framing_refuses_what_is_no_picture() {
+        let bounds = Aabb::of_points(&[[0.0; 3], [1.0; 3]]);
+        let frame = |up, aspect, fov| Perspective::framing(&bounds, up, aspect, fov);
+        assert!(frame([0.0; 3], 1.0, 30.0).is_err());
+        assert!(frame([0.0, 1.0, 0.0], 0.0, 30.0).is_err());
+        assert!(frame([0.0, 1.0, 0.0], f32::NAN, 30.0).is_err());
+        assert!(frame([0.0, 1.0, 0.0], 1.0, 0.0).is_err());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(256))]
+
+        #[test]
+        fn a_framed_motion_is_wholly_in_the_picture(
+            a in prop::array::uniform3(-100.0f32..100.0),
+            size in prop::array::uniform3(0.0f32..50.0),
+            scale in prop::sample::select(vec![1e-4f32, 1.0, 1e4]),
+            aspect in 0.3f32..4.0,
+            fov in 5.0f32..120.0,
+            up in prop::sample::select(vec![[0.0f32, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -1.0, 0.5]]),
+        ) {
+            let bounds = Aabb {
+                min: a.map(|x| x * scale),
+                max: std::array::from_fn(|axis| (a[axis] + size[axis]) * scale),
+            };
+            let view = Perspective::framing(&bounds, up, aspect, fov).unwrap();
+            let camera = Camera::new(&view).unwrap();
+            for corner in Stage::new(&bounds, up).corners {
+                let place = camera.project(corner.as_vec3().into(), aspect);
+                prop_assert!(place.is_some(), "{corner} is behind the camera");
+                for x in place.unwrap() {
+                    prop_assert!((0.04..=0.96).contains(&x), "{corner} at {place:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_framed_motion_fills_the_picture() {
+        let bounds = Aabb::of_points(&[[-1.0, 0.0, -0.3], [1.0, 1.2, 0.3]]);
+        for aspect in [0.5, 1.0, 16.0 / 9.0] {
+            let view = Perspective::framing(&bounds, [0.0, 1.0, 0.0], aspect, 24.0).unwrap();
+            let camera = Camera::new(&view).unwrap();
+            let places = Stage::new(&bounds, view.up)
+                .corners
+                .map(|corner| camera.project(corner.as_vec3().into(), aspect).unwrap());
+            let span = |axis: usize| {
+                let along = places.map(|place| place[axis]);
+                along.iter().fold(0.0f32, |a, &b| a.max(b))
+                    - along.iter().fold(1.0f32, |a, &b| a.min(b))
+            };
+            assert!(span(0).max(span(1)) > 0.5, "{places:?}");
+        }
+    }
+
+    #[test]
+    fn no_motion_at_all_can_still_be_framed() {
+        for bounds in [Aabb::EMPTY, Aabb::of_points(&[[5.0; 3]])] {
+            let view = Perspective::framing(&bounds, [0.0, 1.0, 0.0], 1.5, 24.0).unwrap();
+            assert!(Camera::new(&view).is_ok());
+        }
+    }
+}

@@ -133,7 +133,7 @@ fn way_down<'t>(tree: &'t KdTree<'_>, point: Vec3) -> impl Iterator<Item = (usiz
 
 #[cfg(test)]
 mod tests {
-    use splitcast::{BuildOptions, Mesh};
+    use splitcast::{BuildOptions, CostModel, Mesh};
 
     use super::*;
 
@@ -145,6 +145,11 @@ mod tests {
         }
         let triangles: Vec<[u32; 3]> = vec![[0, 1, 2], [3, 4, 5]];
         let options = BuildOptions {
+            cost: CostModel {
+                intersection: 100.0,
+                leaf_width: 1,
+                ..CostModel::default()
+            },
             max_depth: Some(1),
             ..BuildOptions::default()
         };

@@ -6,7 +6,7 @@ use glam::Vec3;
 use crate::stage::Stage;
 
 /// Share of light that the ground reflects: pale sand.
-pub(crate) const ALBEDO: Vec3 = Vec3::new(0.50, 0.43, 0.35);
+pub(crate) const ALBEDO: Vec3 = Vec3::new(0.51, 0.44, 0.345);
 
 /// Distances from the motion's middle, in its radii, at which the haze begins
 /// and at which nothing but haze is left.
@@ -56,5 +56,45 @@ impl Ground {
         let share = ((distance - HAZE.0) / (HAZE.1 - HAZE.0)).clamp(0.0, 1.0);
         // Eased at the far end only: near ground loses contrast slowly, as in real haze.
         share * share * (3.0 - 2.0 * share)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitcast::Aabb;
+
+    use super::*;
+
+    fn ground() -> Ground {
+        let bounds = Aabb {
+            min: [-1.0, 2.0, -1.0],
+            max: [1.0, 3.0, 1.0],
+        };
+        Ground::new(&Stage::new(&bounds, [0.0, 1.0, 0.0]))
+    }
+
+    #[test]
+    fn rays_from_above_come_down_on_the_lowest_point() {
+        let t = ground().intersect(Vec3::new(0.0, 5.0, 0.0), Vec3::new(0.6, -0.8, 0.0));
+        assert!((t.unwrap() - 3.75).abs() < 1e-5);
+    }
+
+    #[test]
+    fn rays_that_rise_or_start_below_miss() {
+        let ground = ground();
+        let above = Vec3::new(0.0, 5.0, 0.0);
+        assert_eq!(ground.intersect(above, Vec3::Y), None);
+        assert_eq!(ground.intersect(above, Vec3::X), None);
+        assert_eq!(ground.intersect(Vec3::ZERO, Vec3::NEG_Y), None);
+    }
+
+    #[test]
+    fn haze_grows_from_nothing_to_all() {
+        let ground = ground();
+        let haze: Vec<f32> = (0..200)
+            .map(|x| ground.haze(Vec3::new(x as f32 * 0.25, 2.0, 0.0)))
+            .collect();
+        assert!(haze.is_sorted());
+        assert_eq!((haze[0], haze[199]), (0.0, 1.0));
     }
 }

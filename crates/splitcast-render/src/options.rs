@@ -280,3 +280,67 @@ pub(crate) fn check_range(
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_field_out_of_bounds_is_named() {
+        type Case = (fn(&mut RenderOptions), &'static str);
+        let cases: [Case; 14] = [
+            (|o| o.width = 0, "image size is 0x540"),
+            (|o| o.height = 0, "image size is 960x0"),
+            (|o| o.width = 65_536, "image size is 65536x540"),
+            (
+                |o| (o.width, o.height) = (60_000, 60_000),
+                "3600 million pixels",
+            ),
+            (|o| o.samples_per_pixel = Some(0), "samples per pixel is 0"),
+            (
+                |o| o.samples_per_pixel = Some(65_537),
+                "samples per pixel is 65537",
+            ),
+            (|o| o.up = [0.0; 3], "up is (0, 0, 0)"),
+            (|o| o.up = [f32::NAN, 1.0, 0.0], "up is (NaN, 1, 0)"),
+            (|o| o.sun = Some([0.0; 3]), "sun is (0, 0, 0)"),
+            (
+                |o| o.sun = Some([f32::INFINITY; 3]),
+                "sun is (inf, inf, inf)",
+            ),
+            (|o| o.exposure = f32::NAN, "exposure is NaN"),
+            (|o| o.exposure = 40.0, "exposure is 40"),
+            (|o| o.split_levels = 0, "split levels is 0"),
+            (|o| o.steps_scale = 0, "steps scale is 0"),
+        ];
+        for (change, expected) in cases {
+            let mut options = RenderOptions::default();
+            change(&mut options);
+            let message = options.validate().unwrap_err().to_string();
+            assert!(
+                message.starts_with(expected) || message.contains(expected),
+                "{message}"
+            );
+            assert!(!message.contains('\n'));
+        }
+        assert_eq!(RenderOptions::default().validate(), Ok(()));
+    }
+
+    #[test]
+    fn names_are_read_back_and_unknown_ones_listed() {
+        for &view in View::ALL {
+            assert_eq!(view.to_string().parse(), Ok(view));
+        }
+        for &quality in Quality::ALL {
+            assert_eq!(quality.to_string().parse(), Ok(quality));
+        }
+        for &shading in Shading::ALL {
+            assert_eq!(shading.to_string().parse(), Ok(shading));
+        }
+        let message = "ultra".parse::<Quality>().unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "no quality is called 'ultra', expected one of: draft, good, best"
+        );
+    }
+}

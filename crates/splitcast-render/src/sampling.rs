@@ -167,3 +167,130 @@ fn sin_octant(angle: f32) -> f32 {
             * (-1.0 / 6.0 + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square / 362_880.0)));
     angle * series
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Whether every elementary interval of area 1/n holds one of n = 2ᵏ points.
+    fn is_net(points: &[Vec2]) -> bool {
+        let bits = points.len().trailing_zeros();
+        (0..=bits).all(|split| {
+            let (columns, rows) = (1u32 << split, 1u32 << (bits - split));
+            let mut cells: Vec<u32> = points
+                .iter()
+                .map(|point| {
+                    let column = (point.x * columns as f32) as u32;
+                    column * rows + (point.y * rows as f32) as u32
+                })
+                .collect();
+            cells.sort_unstable();
+            cells.iter().copied().eq(0..points.len() as u32)
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn points_of_a_pixel_are_stratified(
+            x in 0u32..65_536, y in 0u32..65_536, bits in 0u32..9, dimension in 0u32..9, seed: u32,
+        ) {
+            let samples = PixelSamples::new(x, y, 1 << bits, seed);
+            let points: Vec<Vec2> = (0..1 << bits).map(|s| samples.point(s, dimension)).collect();
+            prop_assert!(is_net(&points));
+        }
+
+        #[test]
+        fn points_of_a_block_of_pixels_are_stratified(
+            x in 0u32..16_384, y in 0u32..16_384, dimension in 0u32..9, seed: u32,
+        ) {
+            let pixels = (0..4).flat_map(|dx| (0..4).map(move |dy| (4 * x + dx, 4 * y + dy)));
+            let points: Vec<Vec2> = pixels
+                .flat_map(|(x, y)| {
+                    let samples = PixelSamples::new(x, y, 4, seed);
+                    (0..4).map(move |sample| samples.point(sample, dimension))
+                })
+                .collect();
+            prop_assert!(is_net(&points));
+        }
+
+        #[test]
+        fn warps_stay_in_their_domains(x in 0.0f32..1.0, y in 0.0f32..1.0) {
+            let point = Vec2::new(x, y);
+            prop_assert!(disk(point).length() <= 1.0 + 1e-6);
+            prop_assert!(tent(point).abs().max_element() <= 1.0);
+            let normal = Vec3::new(0.36, -0.48, 0.8);
+            let direction = cosine_hemisphere(point, normal);
+            prop_assert!((direction.length() - 1.0).abs() < 1e-5);
+            prop_assert!(direction.dot(normal) > -1e-6);
+        }
+    }
+
+    #[test]
+    fn dimensions_pixels_and_seeds_have_points_of_their_own() {
+        let first = |x, dimension, seed| PixelSamples::new(x, 5, 16, seed).point(0, dimension);
+        let base = first(7, 0, 0);
+        for other in [
+            first(8, 0, 0),
+            first(7, 1, 0),
+            first(7, 0, 1),
+            first(263, 0, 0),
+        ] {
+            assert_ne!(base, other);
+        }
+    }
+
+    #[test]
+    fn the_fast_second_dimension_is_that_of_sobols_matrix() {
+        for index in (0..10_000u32).map(|i| i.wrapping_mul(429_493)) {
+            let mut column = 1u32 << 31;
+            let mut expected = 0;
+            for bit in 0..32 {
+                if index >> bit & 1 == 1 {
+                    expected ^= column;
+                }
+                column ^= column >> 1;
+            }
+            assert_eq!(sobol_second(index), expected, "{index}");
+        }
+    }
+
+    #[test]
+    fn the_sine_is_exact_to_a_few_units_in_the_last_place() {
+        for step in 0..=1000 {
+            let angle = std::f32::consts::FRAC_PI_4 * step as f32 / 1000.0;
+            let exact = f64::from(angle).sin();
+            assert!(
+                (f64::from(sin_octant(angle)) - exact).abs() < 1.2e-7,
+                "{angle}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_hemisphere_is_weighted_by_the_cosine() {
+        let points = PixelSamples::new(0, 0, 4096, 1);
+        let mean: Vec3 = (0..4096)
+            .map(|sample| cosine_hemisphere(points.point(sample, 0), Vec3::Z))
+            .sum::<Vec3>()
+            / 4096.0;
+        // The mean cosine of a distribution proportional to the cosine is 2/3.
+        assert!(
+            (mean - Vec3::new(0.0, 0.0, 2.0 / 3.0)).length() < 1e-3,
+            "{mean}"
+        );
+    }
+
+    #[test]
+    fn the_tent_weighs_as_a_tent() {
+        let points = PixelSamples::new(0, 0, 4096, 1);
+        let inner = (0..4096)
+            .filter(|&sample| tent(points.point(sample, 0)).x.abs() < 0.5)
+            .count();
+        // Three quarters of a tent's area lie in its inner half.
+        assert!((inner as f32 / 4096.0 - 0.75).abs() < 0.01, "{inner}");
+    }
+}

@@ -277,3 +277,98 @@ fn fifth_power(x: f32) -> f32 {
     let square = x * x;
     square * square * x
 }
+
+#[cfg(test)]
+mod tests {
+    use splitcast::{BuildOptions, Mesh};
+
+    use super::*;
+
+    /// A sphere of radius 1 around the origin, `2 n` by `n` quads, closed at
+    /// the poles; seen from inside if `inward`.
+    fn sphere(n: u32, inward: bool) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        use std::f32::consts::PI;
+        let (columns, rows) = (2 * n, n + 1);
+        let positions = (0..columns * rows)
+            .map(|index| {
+                let turn = 2.0 * PI * (index % columns) as f32 / columns as f32;
+                let fall = PI * (index / columns) as f32 / n as f32;
+                let ring = fall.sin();
+                [ring * turn.cos(), fall.cos(), ring * turn.sin()]
+            })
+            .collect();
+        let triangles = (0..columns * n)
+            .flat_map(|quad| {
+                let (x, y) = (quad % columns, quad / columns);
+                let at = |x: u32, y: u32| y * columns + x % columns;
+                let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
+                [[a, b, c], [b, d, c]]
+            })
+            .map(|[a, b, c]| if inward { [a, c, b] } else { [a, b, c] })
+            .collect();
+        (positions, triangles)
+    }
+
+    /// The mean light over rays through `places`, from `eye` towards them.
+    fn mean_light(inward: bool, colors: [Vec3; 4], bounces: u32, eye: Vec3, samples: u32) -> Vec3 {
+        let (positions, triangles) = sphere(24, inward);
+        let mesh = Mesh::new(&positions, &triangles).unwrap();
+        let tree = KdTree::build(mesh, &BuildOptions::default()).unwrap();
+        let surroundings = Surroundings {
+            sky: Sky::with_colors(colors, Vec3::Y, Vec3::new(0.6, 0.8, 0.0), None),
+            ground: None,
+            bounces,
+        };
+        // The vertices of a sphere around the origin are its normals.
+        let surfaces = Surfaces {
+            tree: &tree,
+            normals: Some(&positions),
+            colors: None,
+            material: Vec3::ONE,
+        };
+        let mut tracer = Tracer::new(surfaces, &surroundings);
+        let points = PixelSamples::new(0, 0, samples, 0);
+        let sum: Vec3 = (0..samples)
+            .map(|sample| {
+                let offset = points.point(sample, 100) - Vec2::splat(0.5);
+                let target = Vec3::new(0.0, offset.y, offset.x);
+                let direction = (target - eye).normalize();
+                let ray = Ray::new(eye.into(), direction.into());
+                tracer.radiance(&ray, &points, sample)
+            })
+            .sum();
+        sum / samples as f32
+    }
+
+    #[test]
+    fn a_white_ball_cannot_be_told_from_a_white_sky() {
+        let white = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO];
+        for bounces in 0..3 {
+            let light = mean_light(false, white, bounces, Vec3::new(5.0, 0.0, 0.0), 256);
+            assert!(
+                (light - Vec3::ONE).abs().max_element() < 2e-3,
+                "{bounces}: {light}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_inside_of_a_closed_ball_is_darker_than_the_sky() {
+        let white = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO];
+        for bounces in 0..3 {
+            let light = mean_light(true, white, bounces, Vec3::ZERO, 256);
+            assert!(
+                light.max_element() < 0.6 && light.min_element() > 0.0,
+                "{light}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_sun_gives_no_more_than_it_has() {
+        let sun_only = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ONE];
+        let light = mean_light(false, sun_only, 0, Vec3::new(5.0, 0.0, 0.0), 256);
+        // The middle of the ball faces the sun at a cosine around 0.6; its sheen adds a little.
+        assert!((0.4..0.8).contains(&light.x), "{light}");
+    }
+}

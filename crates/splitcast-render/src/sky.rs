@@ -13,7 +13,7 @@ use crate::sampling::{PixelSamples, cosine_hemisphere, disk};
 
 /// Light from the horizon, from straight above, and from the sun on a white
 /// surface that faces it. A white surface on open ground gets about 1 in all.
-const HORIZON: Vec3 = Vec3::new(0.68, 0.80, 0.93);
+const HORIZON: Vec3 = Vec3::new(0.62, 0.78, 0.95);
 const ZENITH: Vec3 = Vec3::new(0.14, 0.26, 0.50);
 const SUN: Vec3 = Vec3::new(1.15, 0.98, 0.78);
 
@@ -149,5 +149,52 @@ impl Sky {
             })
             .sum();
         sum / TABLE_SAMPLES as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sun() -> Vec3 {
+        Vec3::new(0.0, 0.6, 0.8)
+    }
+
+    #[test]
+    fn an_even_sky_lights_every_slope_the_same() {
+        let white = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO];
+        let sky = Sky::with_colors(white, Vec3::Y, sun(), None);
+        for normal in [Vec3::Y, Vec3::NEG_Y, Vec3::X, sun()] {
+            assert!((sky.irradiance(normal) - Vec3::ONE).abs().max_element() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn half_a_sky_gives_half_the_light_to_a_wall() {
+        let colors = [Vec3::ONE, Vec3::ONE, Vec3::ZERO, Vec3::ZERO];
+        // A black ground hides the lower half.
+        let sky = Sky::with_colors(colors, Vec3::Y, sun(), Some(Vec3::ZERO));
+        for (slope, share) in [(1.0, 1.0), (0.6, 0.8), (0.0, 0.5), (-0.6, 0.2), (-1.0, 0.0)] {
+            let normal = Vec3::new((1.0f32 - slope * slope).sqrt(), slope, 0.0);
+            let light = sky.irradiance(normal).x;
+            assert!((light - share).abs() < 5e-3, "{slope}: {light} for {share}");
+        }
+    }
+
+    #[test]
+    fn the_sun_is_a_disk_around_its_middle() {
+        let sky = Sky::new(Vec3::Y, sun(), None);
+        for sample in 0..64 {
+            let point = PixelSamples::new(3, 4, 64, 0).point(sample, 1);
+            let off = sky.sun_direction(point).dot(sun()).min(1.0);
+            assert!(off >= 1.0 / (1.0 + SUN_RADIUS * SUN_RADIUS).sqrt() - 1e-6);
+        }
+    }
+
+    #[test]
+    fn no_line_parts_sky_and_haze_at_the_horizon() {
+        let sky = Sky::new(Vec3::Y, sun(), Some(Vec3::splat(0.5)));
+        let at = |height: f32| sky.backdrop(Vec3::new(1.0, height, 0.0).normalize());
+        assert!((at(1e-4) - at(-1e-4)).abs().max_element() < 1e-3);
     }
 }

@@ -46,3 +46,57 @@ fn angle(cosine: f32) -> f32 {
         acute
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_corner_of_a_cube_leans_to_no_side_however_the_faces_are_cut() {
+        // Three faces at the origin; one of them is cut through the corner into two triangles.
+        let positions = [
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [1.0, 1.0, 0.0],
+        ];
+        let triangles = [[0, 4, 1], [0, 2, 4], [0, 3, 2], [0, 1, 3]];
+        let normal = smooth_normals(&positions, &triangles)[0];
+        for component in normal {
+            assert!((component + 1.0 / 3.0f32.sqrt()).abs() < 1e-3, "{normal:?}");
+        }
+    }
+
+    #[test]
+    fn vertices_without_a_proper_triangle_have_no_normal() {
+        let positions = [
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+            [f32::NAN, 0.0, 0.0],
+            [f32::INFINITY, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+        ];
+        let triangles = [[0, 1, 2], [0, 0, 0], [1, 2, 3], [1, 2, 4]];
+        for normal in smooth_normals(&positions, &triangles) {
+            assert_eq!(normal, [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn a_broken_triangle_does_not_spoil_its_neighbours() {
+        let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN; 3]];
+        let normals = smooth_normals(&positions, &[[0, 1, 2], [0, 1, 3]]);
+        assert_eq!(normals[0], [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn the_angle_is_within_its_bound() {
+        for step in 0..=2000 {
+            let cosine = step as f32 / 1000.0 - 1.0;
+            let exact = f64::from(cosine).acos();
+            assert!((f64::from(angle(cosine)) - exact).abs() < 8e-5, "{cosine}");
+        }
+    }
+}

@@ -57,3 +57,28 @@ fn pixels_of_tile(
     let (right, bottom) = ((left + SIDE).min(width), (top + SIDE).min(height));
     (top..bottom).flat_map(move |y| (left..right).map(move |x| [x, y]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pixel_is_computed_once_and_put_in_its_place() {
+        for (width, height) in [(1, 1), (16, 16), (33, 17), (5, 100)] {
+            let (picture, counts) = render_tiles(
+                width,
+                height,
+                || 0u64,
+                |count, x, y| {
+                    *count += 1;
+                    (x, y)
+                },
+            );
+            let expected: Vec<(u32, u32)> = (0..height)
+                .flat_map(|y| (0..width).map(move |x| (x, y)))
+                .collect();
+            assert_eq!(picture, expected);
+            assert_eq!(counts.iter().sum::<u64>(), u64::from(width * height));
+        }
+    }
+}

@@ -31,7 +31,7 @@ const OBSTACLE: f32 = 0.35;
 const REFLECTANCE: f32 = 0.04;
 
 /// Roughness of the sheen, squared as is usual for the width of the lobe.
-const ROUGHNESS: f32 = 0.55;
+const ROUGHNESS: f32 = 0.65;
 const ALPHA: f32 = ROUGHNESS * ROUGHNESS;
 
 /// The light of a scene without its mesh.

@@ -14,7 +14,7 @@ use crate::sampling::{PixelSamples, cosine_hemisphere, disk};
 /// Light from the horizon, from straight above, and from the sun on a white
 /// surface that faces it. A white surface on open ground gets about 1 in all.
 const HORIZON: Vec3 = Vec3::new(0.62, 0.78, 0.95);
-const ZENITH: Vec3 = Vec3::new(0.14, 0.26, 0.50);
+const ZENITH: Vec3 = Vec3::new(0.17, 0.28, 0.48);
 const SUN: Vec3 = Vec3::new(1.15, 0.98, 0.78);
 
 /// What lies below the horizon where there is no ground.

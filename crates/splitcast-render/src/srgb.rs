@@ -24,14 +24,21 @@ pub(crate) fn decode(bytes: [u8; 3]) -> [f32; 3] {
 /// The byte whose linear light lies closest; values beyond 0 and 1 are
 /// clipped, and NaN is black.
 pub(crate) fn encode(linear: f32) -> u8 {
+    encode_at(linear, 0.5)
+}
+
+/// One of the two bytes around `linear`: the upper one from `threshold`, 0 to
+/// 1, of the way between them in linear light.
+pub(crate) fn encode_at(linear: f32, threshold: f32) -> u8 {
     let table = &*LINEAR;
     let above = table.partition_point(|&entry| entry <= linear);
     match above {
         0 => 0,
         256 => 255,
         _ => {
-            let closer_below = linear - table[above - 1] < table[above] - linear;
-            (if closer_below { above - 1 } else { above }) as u8
+            let (low, high) = (table[above - 1], table[above]);
+            let upper = linear - low >= threshold * (high - low);
+            (if upper { above } else { above - 1 }) as u8
         }
     }
 }
@@ -66,5 +73,16 @@ mod tests {
         // 0.2140 is the linear light of a signal of one half.
         assert_eq!(encode(0.2140), 127);
         assert_eq!(encode(0.2159), 128);
+    }
+
+    #[test]
+    fn thresholds_divide_the_way_between_two_bytes() {
+        let (low, high) = (decode([100; 3])[0], decode([101; 3])[0]);
+        for share in [0.1, 0.4, 0.9] {
+            let between = low + share * (high - low);
+            assert_eq!(encode_at(between, share - 0.05), 101);
+            assert_eq!(encode_at(between, share + 0.05), 100);
+            assert_eq!(encode_at(low, share), 100);
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! From light to display: a film-like curve, then the sRGB transfer curve.
+//! From light to display: a film-like curve, then the sRGB transfer curve,
+//! then bytes.
 //!
 //! The curve is Stephen Hill's fit of the ACES reference rendering and
 //! output transforms for sRGB displays (published with "Baking Lab", Pettineo
@@ -65,19 +66,37 @@ impl ToneCurve {
 }
 
 /// The image as 8-bit sRGB: `3 * width * height` bytes, red first, in the
-/// order of its pixels. Runs on the current rayon thread pool.
+/// order of its pixels. Values of [`ToneCurve::Filmic`] that lie between two
+/// bytes become one or the other in a fine pattern, the same for every picture,
+/// so that soft gradients show no bands. Runs on the current rayon thread pool.
 #[must_use]
 pub fn to_srgb8(image: &Image) -> Vec<u8> {
+    let width = image.width as usize;
     let mut bytes = vec![0; 3 * image.pixels.len()];
     bytes
         .par_chunks_mut(3 * CHUNK)
         .zip(image.pixels.par_chunks(CHUNK))
-        .for_each(|(bytes, pixels)| {
-            for (bytes, &pixel) in bytes.chunks_exact_mut(3).zip(pixels) {
-                bytes.copy_from_slice(&image.tone_curve.apply(pixel).map(srgb::encode));
+        .enumerate()
+        .for_each(|(chunk, (bytes, pixels))| {
+            for (place, (bytes, &pixel)) in bytes.chunks_exact_mut(3).zip(pixels).enumerate() {
+                let index = chunk * CHUNK + place;
+                let threshold = match image.tone_curve {
+                    ToneCurve::Filmic => dither(index % width, index / width),
+                    ToneCurve::Exact => 0.5,
+                };
+                let shown = image.tone_curve.apply(pixel);
+                bytes.copy_from_slice(&shown.map(|x| srgb::encode_at(x, threshold)));
             }
         });
     bytes
+}
+
+/// A threshold between 0 and 1 for a pixel, evenly spread among its
+/// neighbours: interleaved gradient noise (Jimenez 2014, "Next generation post
+/// processing in Call of Duty: Advanced Warfare").
+fn dither(x: usize, y: usize) -> f32 {
+    let gradient = 0.067_110_56 * x as f64 + 0.005_837_15 * y as f64;
+    (52.982_918_9 * gradient.fract()).fract() as f32
 }
 
 /// The fit's curve: nearly a square at the dark end, level at the bright one.
@@ -137,6 +156,20 @@ mod tests {
                 assert!(shown.iter().all(|x| (0.0..=1.0).contains(x)), "{shown:?}");
             }
         }
+    }
+
+    #[test]
+    fn values_between_two_bytes_become_both_in_proportion() {
+        let mut picture = image(vec![[0.2; 3]; 64 * 64], ToneCurve::Filmic);
+        (picture.width, picture.height) = (64, 64);
+        let bytes = to_srgb8(&picture);
+        let mean = bytes
+            .iter()
+            .map(|&byte| srgb::decode([byte; 3])[0])
+            .sum::<f32>()
+            / bytes.len() as f32;
+        assert!((mean - ToneCurve::Filmic.apply([0.2; 3])[0]).abs() < 2e-4);
+        assert!(bytes.iter().max().unwrap() - bytes.iter().min().unwrap() <= 1);
     }
 
     #[test]

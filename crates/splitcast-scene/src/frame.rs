@@ -16,7 +16,8 @@ pub struct Frame {
     /// Vertex indices, counter-clockwise seen from outside. Shared between
     /// frames as long as the topology stays the same (compare with [`Arc::ptr_eq`]).
     pub triangles: Arc<Vec<[u32; 3]>>,
-    /// Unit vertex normals, if the source has them.
+    /// Unit vertex normals, if the source has them; zero where it gives a
+    /// vertex no direction.
     pub normals: Option<Vec<[f32; 3]>>,
     /// Vertex colours, sRGB, if the source has them.
     pub colors: Option<Arc<Vec<[u8; 3]>>>,

@@ -72,6 +72,15 @@ impl Aabb {
         }
     }
 
+    /// The largest distance on any one axis from `point` to a point of the box.
+    #[inline]
+    pub fn reach(&self, point: [f32; 3]) -> f32 {
+        (0..3).fold(0.0, |reach: f32, axis| {
+            let to = |x: f32| (x - point[axis]).abs();
+            reach.max(to(self.min[axis])).max(to(self.max[axis]))
+        })
+    }
+
     /// The two halves that a plane across `axis` at `position` leaves.
     #[inline]
     pub fn split(&self, axis: usize, position: f32) -> (Self, Self) {

@@ -7,6 +7,7 @@ mod clip;
 mod distribute;
 mod plane_search;
 mod references;
+mod straddlers;
 mod subtree;
 mod sweep;
 
@@ -50,6 +51,11 @@ impl Builder {
             Self::Sweep => "sweep",
         }
     }
+}
+
+impl Preset {
+    /// Every preset, fastest build first.
+    pub const ALL: &'static [Self] = &[Self::FastestBuild, Self::Balanced, Self::BestTree];
 }
 
 impl fmt::Display for Builder {
@@ -138,13 +144,33 @@ impl Default for BuildOptions {
 
 impl BuildOptions {
     /// The options of a preset.
-    pub fn preset(_preset: Preset) -> Self {
-        Self {
+    pub fn preset(preset: Preset) -> Self {
+        let balanced = Self {
             builder: Builder::Binned,
             cost: CostModel::default(),
             max_depth: None,
             min_split: 1,
             non_finite: NonFinite::Reject,
+        };
+        match preset {
+            Preset::FastestBuild => Self {
+                cost: CostModel {
+                    intersection: 0.5,
+                    ..balanced.cost
+                },
+                min_split: 32,
+                ..balanced
+            },
+            Preset::Balanced => balanced,
+            Preset::BestTree => Self {
+                builder: Builder::Sweep,
+                cost: CostModel {
+                    intersection: 2.0,
+                    empty_bonus: 0.2,
+                    ..balanced.cost
+                },
+                ..balanced
+            },
         }
     }
 

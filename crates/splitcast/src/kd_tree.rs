@@ -180,6 +180,13 @@ impl<'m> KdTree<'m> {
         self.skipped_triangles
     }
 
+    /// Bytes of the tree itself and of what it has allocated.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of::<Self>()
+            + self.nodes.capacity() * size_of::<Node>()
+            + self.references.capacity() * size_of::<u32>()
+    }
+
     /// Visits every node depth first, left before right.
     pub fn visit(&self, mut visitor: impl FnMut(NodeVisit)) {
         let mut stack = vec![(0, 0, self.bounds)];

@@ -35,7 +35,9 @@ mod mesh;
 mod ray;
 mod sah;
 mod simd;
+mod stats;
 mod traverse;
+mod validate;
 
 pub use aabb::Aabb;
 pub use build::{BuildOptions, Builder, MAX_DEPTH, NonFinite, ParseBuilderError, Preset};
@@ -44,4 +46,7 @@ pub use kd_tree::{KdTree, Node, NodeKind, NodeVisit};
 pub use mesh::Mesh;
 pub use ray::{Hit, Ray};
 pub use sah::CostModel;
-pub use traverse::TraversalCounts;
+pub use simd::{SimdError, SimdLevel, force_simd};
+pub use stats::TreeStats;
+pub use traverse::{TraversalCounts, reference};
+pub use validate::Violation;

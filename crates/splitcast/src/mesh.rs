@@ -1,5 +1,6 @@
 //! The borrowed triangle mesh that trees are built over.
 
+use crate::build::MAX_COORDINATE;
 use crate::{Aabb, MeshError};
 
 /// Positions and triangles, borrowed from their owner. Cheap to copy.
@@ -71,6 +72,19 @@ impl<'m> Mesh<'m> {
             self.positions[b as usize],
             self.positions[c as usize],
         ]
+    }
+
+    /// Whether all corners of triangle `index` are finite and near enough to
+    /// be traced (no coordinate beyond ±1e12).
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[inline]
+    pub fn is_traceable(&self, index: u32) -> bool {
+        self.corners(index)
+            .as_flattened()
+            .iter()
+            .all(|x| x.abs() <= MAX_COORDINATE)
     }
 
     /// The box around the three corners of triangle `index`.

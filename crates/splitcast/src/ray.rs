@@ -4,7 +4,8 @@
 ///
 /// The direction need not be of unit length; `t` counts in its lengths. A ray
 /// with a NaN or infinite component in origin or direction, a zero direction,
-/// a NaN bound, or `t_min > t_max` hits nothing.
+/// a NaN bound, or `t_min > t_max` hits nothing. Triangles without area are
+/// never hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Start of the ray.
@@ -42,16 +43,22 @@ impl Ray {
     }
 }
 
-/// Where a ray meets a triangle.
+/// Where a ray meets a triangle, from whichever side.
+///
+/// The point is `(1 - u - v) · a + u · b + v · c` of the triangle's corners
+/// a, b and c. `u`, `v` and `1 - u - v` as computed in single precision are
+/// all from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance along the ray in lengths of its direction.
     pub t: f32,
-    /// Barycentric weight of the triangle's second corner, 0 to 1.
+    /// Weight of the triangle's second corner.
     pub u: f32,
-    /// Barycentric weight of the triangle's third corner, 0 to 1; the first
-    /// corner's is `1 - u - v`.
+    /// Weight of the triangle's third corner.
     pub v: f32,
     /// Index of the triangle in the mesh.
     pub triangle: u32,
+    /// Geometric normal of unit length: it points to the side from which the
+    /// corners run counter-clockwise, whichever side the ray came from.
+    pub normal: [f32; 3],
 }

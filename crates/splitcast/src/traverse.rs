@@ -1,15 +1,16 @@
-//! Rays through the tree.
+//! Rays through the tree: each query is a sink for hits, fed by one descent.
 
 mod descend;
+pub mod reference;
 mod triangle;
 
 use std::ops::ControlFlow;
 
 pub use descend::TraversalCounts;
 
-use crate::{Hit, KdTree, Ray};
+use crate::{Hit, KdTree, Mesh, Ray};
 use descend::{LeafVisitor, descend};
-use triangle::ShearedRay;
+use triangle::{Crossing, ShearedRay, unit_normal};
 
 impl KdTree<'_> {
     /// The nearest hit along the ray within its range; of hits at the same
@@ -20,89 +21,213 @@ impl KdTree<'_> {
 
     /// [`KdTree::closest_hit`], and what it took.
     pub fn closest_hit_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        struct Closest<'t, 'm> {
-            tree: &'t KdTree<'m>,
-            sheared: ShearedRay,
-            t_min: f32,
-            t_max: f32,
-            hit: Option<Hit>,
-        }
-        impl LeafVisitor for Closest<'_, '_> {
-            fn visit(&mut self, references: &[u32]) -> ControlFlow<()> {
-                for &triangle in references {
-                    let corners = self.tree.mesh().corners(triangle);
-                    if let Some((t, u, v)) = self.sheared.intersect(&corners)
-                        && t >= self.t_min
-                        && t <= self.t_max
-                        && self
-                            .hit
-                            .is_none_or(|hit| t < hit.t || triangle < hit.triangle)
-                    {
-                        self.t_max = t;
-                        self.hit = Some(Hit { t, u, v, triangle });
-                    }
-                }
-                ControlFlow::Continue(())
-            }
-
-            fn t_max(&self) -> f32 {
-                self.t_max
-            }
-        }
-        let Some(sheared) = ShearedRay::new(ray) else {
-            return (None, TraversalCounts::default());
-        };
-        let mut closest = Closest {
-            tree: self,
-            sheared,
-            t_min: ray.t_min,
-            t_max: ray.t_max,
-            hit: None,
-        };
-        let counts = descend(self, ray, &mut closest);
-        (closest.hit, counts)
+        let mut closest = Closest::new(ray);
+        let counts = self.trace(ray, &mut closest);
+        (closest.into_hit(self.mesh()), counts)
     }
 
     /// Whether anything is hit along the ray within its range. Cheaper than
     /// [`KdTree::closest_hit`]: the first hit found will do.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        struct Any<'t, 'm> {
-            tree: &'t KdTree<'m>,
-            sheared: ShearedRay,
-            t_min: f32,
-            t_max: f32,
-            occluded: bool,
-        }
-        impl LeafVisitor for Any<'_, '_> {
-            fn visit(&mut self, references: &[u32]) -> ControlFlow<()> {
-                for &triangle in references {
-                    let corners = self.tree.mesh().corners(triangle);
-                    if let Some((t, _, _)) = self.sheared.intersect(&corners)
-                        && t >= self.t_min
-                        && t <= self.t_max
-                    {
-                        self.occluded = true;
-                        return ControlFlow::Break(());
-                    }
-                }
-                ControlFlow::Continue(())
-            }
+        let mut any = Any::new(ray);
+        self.trace(ray, &mut any);
+        any.found
+    }
 
-            fn t_max(&self) -> f32 {
-                self.t_max
-            }
-        }
-        let Some(sheared) = ShearedRay::new(ray) else {
-            return false;
+    /// Replaces the contents of `hits` with all hits along the ray within its
+    /// range, nearest first and those at the same distance by triangle. No
+    /// triangle stands there twice. A ray through an edge or a vertex hits
+    /// every triangle around it. Keep `hits` from ray to ray to save
+    /// allocations.
+    pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>) {
+        let mut all = All::new(ray, hits);
+        self.trace(ray, &mut all);
+        all.finish(self.mesh());
+    }
+
+    /// Feeds the hits of the ray to `sink`, leaf by leaf.
+    #[inline(always)]
+    fn trace(&self, ray: &Ray, sink: &mut impl HitSink) -> TraversalCounts {
+        let reach = self.bounds().reach(ray.origin);
+        let Some(sheared) = ShearedRay::new(ray, reach) else {
+            return TraversalCounts::default();
         };
-        let mut any = Any {
-            tree: self,
+        let mut tester = LeafTester {
+            mesh: self.mesh(),
             sheared,
             t_min: ray.t_min,
-            t_max: ray.t_max,
-            occluded: false,
+            sink,
         };
-        descend(self, ray, &mut any);
-        any.occluded
+        descend(self, ray, reach, &mut tester)
+    }
+}
+
+/// What a query does with hits.
+trait HitSink {
+    /// Hits beyond this are of no interest (any more).
+    fn t_max(&self) -> f32;
+
+    /// Takes a hit within the range, perhaps not for the first time. `Break` ends the query.
+    fn take(&mut self, crossing: Crossing, triangle: u32) -> ControlFlow<()>;
+}
+
+/// Tests triangles in turn. The only place where hits are compared with the range.
+#[inline(always)]
+fn test_triangles(
+    mesh: Mesh<'_>,
+    sheared: &ShearedRay,
+    t_min: f32,
+    triangles: impl Iterator<Item = u32>,
+    sink: &mut impl HitSink,
+) -> ControlFlow<()> {
+    for triangle in triangles {
+        if let Some(crossing) = sheared.intersect(&mesh.corners(triangle))
+            && crossing.t >= t_min
+            && crossing.t <= sink.t_max()
+        {
+            sink.take(crossing, triangle)?;
+        }
+    }
+    ControlFlow::Continue(())
+}
+
+/// Passes the hits in the leaves that a descent visits on to a sink.
+struct LeafTester<'q, 'm, S> {
+    mesh: Mesh<'m>,
+    sheared: ShearedRay,
+    t_min: f32,
+    sink: &'q mut S,
+}
+
+impl<S: HitSink> LeafVisitor for LeafTester<'_, '_, S> {
+    #[inline(always)]
+    fn visit(&mut self, references: &[u32]) -> ControlFlow<()> {
+        let triangles = references.iter().copied();
+        test_triangles(self.mesh, &self.sheared, self.t_min, triangles, self.sink)
+    }
+
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.sink.t_max()
+    }
+}
+
+/// Keeps the nearest hit.
+struct Closest {
+    t_max: f32,
+    hit: Option<(Crossing, u32)>,
+}
+
+impl Closest {
+    fn new(ray: &Ray) -> Self {
+        Self {
+            t_max: ray.t_max,
+            hit: None,
+        }
+    }
+
+    fn into_hit(self, mesh: Mesh<'_>) -> Option<Hit> {
+        self.hit
+            .map(|(crossing, triangle)| complete(mesh, crossing, triangle))
+    }
+}
+
+impl HitSink for Closest {
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.t_max
+    }
+
+    #[inline(always)]
+    fn take(&mut self, crossing: Crossing, triangle: u32) -> ControlFlow<()> {
+        let nearer = |(best, lowest): (Crossing, u32)| crossing.t < best.t || triangle < lowest;
+        if self.hit.is_none_or(nearer) {
+            self.t_max = crossing.t;
+            self.hit = Some((crossing, triangle));
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Stops at the first hit.
+struct Any {
+    t_max: f32,
+    found: bool,
+}
+
+impl Any {
+    fn new(ray: &Ray) -> Self {
+        Self {
+            t_max: ray.t_max,
+            found: false,
+        }
+    }
+}
+
+impl HitSink for Any {
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.t_max
+    }
+
+    #[inline(always)]
+    fn take(&mut self, _: Crossing, _: u32) -> ControlFlow<()> {
+        self.found = true;
+        ControlFlow::Break(())
+    }
+}
+
+/// Collects every hit.
+struct All<'h> {
+    t_max: f32,
+    hits: &'h mut Vec<Hit>,
+}
+
+impl<'h> All<'h> {
+    fn new(ray: &Ray, hits: &'h mut Vec<Hit>) -> Self {
+        hits.clear();
+        Self {
+            t_max: ray.t_max,
+            hits,
+        }
+    }
+
+    /// Sorts the hits, drops repetitions (a triangle in two leaves) and adds the normals.
+    fn finish(self, mesh: Mesh<'_>) {
+        self.hits
+            .sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        self.hits.dedup_by_key(|hit| hit.triangle);
+        for hit in self.hits {
+            hit.normal = unit_normal(mesh, hit.triangle);
+        }
+    }
+}
+
+impl HitSink for All<'_> {
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.t_max
+    }
+
+    #[inline(always)]
+    fn take(&mut self, Crossing { t, u, v }: Crossing, triangle: u32) -> ControlFlow<()> {
+        self.hits.push(Hit {
+            t,
+            u,
+            v,
+            triangle,
+            normal: [0.0; 3],
+        });
+        ControlFlow::Continue(())
+    }
+}
+
+fn complete(mesh: Mesh<'_>, Crossing { t, u, v }: Crossing, triangle: u32) -> Hit {
+    Hit {
+        t,
+        u,
+        v,
+        triangle,
+        normal: unit_normal(mesh, triangle),
     }
 }

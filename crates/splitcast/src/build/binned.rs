@@ -44,6 +44,7 @@ pub(super) fn build(
         let bounds = bounds_of(&references);
         let subtree = dispatch(BinnedSubtree {
             references: &mut references,
+            mesh: triangles.mesh(),
             cell: bounds,
             levels: max_depth,
             weight: 1,
@@ -56,6 +57,7 @@ pub(super) fn build(
     let top = dispatch(BinnedSubtree {
         cell: bounds_of(&sample),
         references: &mut sample,
+        mesh: triangles.mesh(),
         levels: max_depth,
         weight: SAMPLE_STRIDE as u32,
         min_split: min_split.max(BUCKET / SAMPLE_STRIDE),
@@ -71,6 +73,7 @@ pub(super) fn build(
             buckets.gather(bucket, scratch);
             dispatch(BinnedSubtree {
                 references: scratch,
+                mesh: triangles.mesh(),
                 cell,
                 levels: max_depth - depth,
                 weight: 1,
@@ -142,4 +145,65 @@ fn assemble(top: &Subtree, subtrees: &[Subtree]) -> Subtree {
         }
     }
     writer.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{BuildOptions, KdTree, Mesh, SimdLevel, force_simd};
+
+    /// A wavy sheet of `2 * n * n` triangles.
+    fn sheet(n: u32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let position = |i: u32, j: u32| {
+            let (x, y) = (i as f32 / n as f32, j as f32 / n as f32);
+            // Polynomials only: the same on every platform.
+            [x, y, (x - 0.3) * (y - 0.6) * (x - y)]
+        };
+        let positions = (0..=n)
+            .flat_map(|i| (0..=n).map(move |j| position(i, j)))
+            .collect();
+        let corner = |i, j| i * (n + 1) + j;
+        let triangles = (0..n)
+            .flat_map(|i| (0..n).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let (a, b) = (corner(i, j), corner(i + 1, j));
+                [[a, b, b + 1], [a, b + 1, a + 1]]
+            })
+            .collect();
+        (positions, triangles)
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_tree() {
+        let (positions, triangles) = sheet(60);
+        let mesh = Mesh::new(&positions, &triangles).unwrap();
+        let build = || KdTree::build(mesh, &BuildOptions::default()).unwrap();
+        let best = build();
+        for &level in SimdLevel::ALL.iter().filter(|level| level.is_available()) {
+            force_simd(Some(level)).unwrap();
+            let tree = build();
+            force_simd(None).unwrap();
+            assert_eq!(tree.nodes(), best.nodes(), "{level}");
+            assert_eq!(tree.references(), best.references(), "{level}");
+            assert_eq!(tree.bounds(), best.bounds(), "{level}");
+        }
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_tree() {
+        let (positions, triangles) = sheet(60);
+        let mesh = Mesh::new(&positions, &triangles).unwrap();
+        let build = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| KdTree::build(mesh, &BuildOptions::default()).unwrap())
+        };
+        let one = build(1);
+        for threads in [2, 3, 7] {
+            let tree = build(threads);
+            assert_eq!(tree.nodes(), one.nodes());
+            assert_eq!(tree.references(), one.references());
+        }
+    }
 }

@@ -1,20 +1,25 @@
 //! Builds a subtree on one thread, in one piece of memory.
 //!
-//! References are partitioned without branches: each is stored to both sides,
-//! and only the ends of the sides it belongs to move on. The right side stays
+//! References are partitioned without branches: each is stored everywhere, and
+//! only the end of the side it belongs to moves on. The right side stays
 //! where the node was (it cannot overtake the reading), the left side goes
-//! behind the node, so the whole descent works at the hot end of one array.
+//! behind the node, so the whole descent works at the hot end of one array. What
+//! straddles the plane is set aside, and divided by it.
 
-use super::plane_search::{SplitCandidate, find_split, overlaps_left, overlaps_right};
+use fearless_simd::prelude::*;
+
+use super::plane_search::{SplitCandidate, find_split};
+use super::straddlers::{divide, sort_by_side};
 use super::subtree::OpenInner;
 use super::{BuildOptions, NodeWriter, Reference, Subtree};
-use crate::Aabb;
 use crate::simd::Kernel;
+use crate::{Aabb, Mesh};
 
 /// A subtree to be built by binning.
 pub(super) struct BinnedSubtree<'a> {
     /// References that overlap `cell`; used as working memory.
     pub(super) references: &'a mut Vec<Reference>,
+    pub(super) mesh: Mesh<'a>,
     pub(super) cell: Aabb,
     /// Levels that may be added.
     pub(super) levels: u32,
@@ -37,8 +42,9 @@ impl Kernel for BinnedSubtree<'_> {
     type Output = Subtree;
 
     #[inline(always)]
-    fn run(self) -> Subtree {
+    fn run<S: Simd>(self, simd: S) -> Subtree {
         let mut writer = NodeWriter::default();
+        let mut straddlers = Vec::new();
         let mut right_children: Vec<(OpenInner, PendingNode)> = Vec::new();
         let mut node = PendingNode {
             start: 0,
@@ -52,7 +58,7 @@ impl Kernel for BinnedSubtree<'_> {
                 None
             } else {
                 let members = &self.references[node.start..end];
-                find_split(members, &node.cell, &self.options.cost, self.weight)
+                find_split(simd, members, &node.cell, &self.options.cost, self.weight)
             };
             let Some(split) = split else {
                 let members = &self.references[node.start..end];
@@ -64,7 +70,14 @@ impl Kernel for BinnedSubtree<'_> {
                 node = right;
                 continue;
             };
-            let (left, right) = partition(self.references, &node, &split);
+            let (left, right) = partition(
+                simd,
+                self.references,
+                &mut straddlers,
+                self.mesh,
+                &node,
+                &split,
+            );
             let (left_cell, right_cell) = node.cell.split(split.axis, split.position);
             let levels = node.levels - 1;
             right_children.push((
@@ -89,8 +102,11 @@ impl Kernel for BinnedSubtree<'_> {
 /// Sorts a node's references to both sides: the right ones to the node's own
 /// start, the left ones behind its end. Gives the two counts.
 #[inline(always)]
-fn partition(
+fn partition<S: Simd>(
+    simd: S,
     references: &mut Vec<Reference>,
+    straddlers: &mut Vec<Reference>,
+    mesh: Mesh<'_>,
     node: &PendingNode,
     split: &SplitCandidate,
 ) -> (usize, usize) {
@@ -98,17 +114,34 @@ fn partition(
     if references.len() < end + node.count {
         references.resize(end + node.count, Reference::ZERO);
     }
+    if straddlers.len() < node.count {
+        straddlers.resize(node.count, Reference::ZERO);
+    }
+    let SplitCandidate { axis, position } = *split;
     let (own, behind) = references.split_at_mut(end);
     let own = &mut own[node.start..];
-    let behind = &mut behind[..own.len()];
-    let (mut left, mut right) = (0, 0);
-    for read in 0..own.len() {
-        let goes_left = overlaps_left(&own[read], split.axis, split.position);
-        let goes_right = overlaps_right(&own[read], split.axis, split.position);
-        behind[left] = own[read];
-        own[right] = own[read];
-        left += usize::from(goes_left);
-        right += usize::from(goes_right);
-    }
+    let behind = &mut behind[..node.count];
+    let sorted = sort_by_side(
+        own,
+        behind,
+        &mut straddlers[..node.count],
+        |reference| (reference.min[axis], reference.max[axis]),
+        position,
+    );
+    let (mut left, mut right) = (sorted.left, sorted.right);
+    let straddlers = &straddlers[..sorted.straddling];
+    divide(
+        simd,
+        straddlers,
+        mesh,
+        axis,
+        position,
+        |left_part, right_part| {
+            behind[left] = left_part;
+            own[right] = right_part;
+            left += usize::from(!left_part.is_empty());
+            right += usize::from(!right_part.is_empty());
+        },
+    );
     (left, right)
 }

@@ -6,10 +6,11 @@
 //! first plane that cuts the box on, the group's members are divided one by
 //! one, without branches.
 
+use fearless_simd::Simd;
 use rayon::prelude::*;
 
-use super::plane_search::{overlaps_left, overlaps_right};
-use super::references::bounds_of;
+use super::references::bounds_of_lanes;
+use super::straddlers::{divide, sort_by_side};
 use super::{Reference, Subtree, Triangles};
 use crate::Aabb;
 use crate::kd_tree::{Node, NodeKind};
@@ -17,11 +18,11 @@ use crate::simd::{Kernel, dispatch};
 
 /// Triangles that go down together. The box around more would be cut by planes
 /// earlier, fewer would leave more runs to gather.
-const GROUP: usize = 128;
+const GROUP: usize = 64;
 
 /// Groups that one task takes down: enough to pay for the task, few enough
 /// that sixteen threads share a mesh of 20,000 triangles evenly.
-const GROUPS_PER_TASK: usize = 8;
+const GROUPS_PER_TASK: usize = 16;
 
 /// The triangles of each leaf of a tree, in the order of the mesh.
 pub(super) struct Buckets {
@@ -115,7 +116,9 @@ fn number_leaves(top: &Subtree) -> Vec<u32> {
 #[derive(Default)]
 struct Scratch {
     members: Vec<Reference>,
-    indices: Vec<u8>,
+    indices: Vec<u16>,
+    straddlers: Vec<u16>,
+    wholes: Vec<Reference>,
     /// Right children still to be visited: node, start, count.
     right_children: Vec<(usize, usize, usize)>,
 }
@@ -134,7 +137,7 @@ impl Kernel for BatchDescent<'_, '_> {
     type Output = Batch;
 
     #[inline(always)]
-    fn run(mut self) -> Batch {
+    fn run<S: Simd>(mut self, simd: S) -> Batch {
         let mut batch = Batch {
             // Few triangles of a group meet more than one bucket.
             references: Vec::with_capacity((self.last - self.first) * 3 / 2),
@@ -146,10 +149,10 @@ impl Kernel for BatchDescent<'_, '_> {
             members.clear();
             let places = first..self.last.min(first + GROUP);
             members.extend(places.map(|place| self.triangles.reference(place)));
-            let bounds = bounds_of(members);
+            let bounds = bounds_of_lanes(simd, members);
             batch.bounds = batch.bounds.union(&bounds);
             let entry = enter(self.nodes, &bounds);
-            self.descend(entry, &mut batch);
+            self.descend(simd, entry, &mut batch);
         }
         batch
     }
@@ -160,14 +163,16 @@ impl BatchDescent<'_, '_> {
     /// [`BinnedSubtree`](super::binned_subtree), a node's right side stays in
     /// place and its left side goes behind it.
     #[inline(always)]
-    fn descend(&mut self, entry: usize, batch: &mut Batch) {
+    fn descend<S: Simd>(&mut self, simd: S, entry: usize, batch: &mut Batch) {
         let Scratch {
             members,
             indices,
+            straddlers,
+            wholes,
             right_children,
         } = &mut *self.scratch;
         indices.clear();
-        indices.extend(0..members.len() as u8);
+        indices.extend(0..members.len() as u16);
         let (mut node, mut start, mut count) = (entry, 0, members.len());
         loop {
             match self.nodes[node].kind() {
@@ -180,18 +185,41 @@ impl BatchDescent<'_, '_> {
                     if indices.len() < end + count {
                         indices.resize(end + count, 0);
                     }
+                    if straddlers.len() < count {
+                        straddlers.resize(count, 0);
+                    }
                     let (own, behind) = indices.split_at_mut(end);
                     let own = &mut own[start..];
                     let behind = &mut behind[..count];
-                    let (mut left, mut right) = (0, 0);
-                    for read in 0..count {
-                        let index = own[read];
-                        let reference = &members[index as usize];
-                        behind[left] = index;
-                        own[right] = index;
-                        left += usize::from(overlaps_left(reference, axis, position));
-                        right += usize::from(overlaps_right(reference, axis, position));
-                    }
+                    let sorted = sort_by_side(
+                        own,
+                        behind,
+                        &mut straddlers[..count],
+                        |&index| {
+                            let reference = &members[index as usize];
+                            (reference.min[axis], reference.max[axis])
+                        },
+                        position,
+                    );
+                    let (mut left, mut right) = (sorted.left, sorted.right);
+                    wholes.clear();
+                    let straddlers = straddlers[..sorted.straddling].iter();
+                    wholes.extend(straddlers.map(|&index| members[index as usize]));
+                    let mesh = self.triangles.mesh();
+                    divide(
+                        simd,
+                        wholes,
+                        mesh,
+                        axis,
+                        position,
+                        |left_part, right_part| {
+                            behind[left] = members.len() as u16;
+                            own[right] = members.len() as u16 + 1;
+                            left += usize::from(!left_part.is_empty());
+                            right += usize::from(!right_part.is_empty());
+                            members.extend([left_part, right_part]);
+                        },
+                    );
                     right_children.push((right_node, start, right));
                     (node, start, count) = (node + 1, end, left);
                     continue;
@@ -235,4 +263,92 @@ fn enter(nodes: &[Node], bounds: &Aabb) -> usize {
         }
     }
     node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Mesh;
+    use crate::build::clip::clipped_bounds;
+    use crate::build::references::bounds_of;
+    use crate::build::{NodeWriter, NonFinite};
+
+    /// Every bucket gets the triangles that reach into its cell, once, in order,
+    /// also when a group is cut by every plane and when it is cut by none.
+    #[test]
+    fn buckets_hold_what_overlaps_their_cells() {
+        let mut seed = 1_u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut positions = Vec::new();
+        for triangle in 0..3000 {
+            // First a soup of triangles all over the place, then small ones in order of place.
+            let size = if triangle < 500 { 1.0 } else { 0.02 };
+            let place = [triangle as f32 / 3000.0, random(), 0.5];
+            for _ in 0..3 {
+                positions.push(place.map(|x| x + size * (random() - 0.5)));
+            }
+        }
+        let triangles: Vec<[u32; 3]> = (0..3000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let mesh = Mesh::new(&positions, &triangles).expect("indices are in range");
+        let triangles = Triangles::of(mesh, NonFinite::Reject).expect("all are finite");
+
+        let mut writer = NodeWriter::default();
+        let mut cells = Vec::new();
+        write_grid(
+            &mut writer,
+            &mut cells,
+            Aabb {
+                min: [-1.0; 3],
+                max: [2.0; 3],
+            },
+            7,
+        );
+        let top = writer.finish();
+        let buckets = distribute(&triangles, &top);
+
+        assert_eq!(buckets.bounds(), bounds_of(&triangles.references()));
+        for (bucket, cell) in cells.iter().enumerate() {
+            let mut gathered = Vec::new();
+            buckets.gather(bucket, &mut gathered);
+            let members: Vec<u32> = gathered.iter().map(|r| r.triangle).collect();
+            let mut sorted = members.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(
+                sorted.len(),
+                members.len(),
+                "a triangle twice in one bucket"
+            );
+            for triangle in 0..3000 {
+                if let Some(part) = clipped_bounds(&mesh.corners(triangle), cell) {
+                    let touching = (0..3).any(|k| {
+                        part.min[k] >= cell.max[k] - 1e-6 || part.max[k] <= cell.min[k] + 1e-6
+                    });
+                    assert!(
+                        touching || sorted.binary_search(&triangle).is_ok(),
+                        "{triangle} is missing in {bucket}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// Halves the cell `levels` times, on one axis after the other.
+    fn write_grid(writer: &mut NodeWriter, cells: &mut Vec<Aabb>, cell: Aabb, levels: usize) {
+        if levels == 0 {
+            writer.leaf(std::iter::empty());
+            cells.push(cell);
+            return;
+        }
+        let axis = levels % 3;
+        let position = 0.5 * (cell.min[axis] + cell.max[axis]);
+        let (left, right) = cell.split(axis, position);
+        let inner = writer.open_inner(axis, position);
+        write_grid(writer, cells, left, levels - 1);
+        writer.begin_right(inner);
+        write_grid(writer, cells, right, levels - 1);
+    }
 }

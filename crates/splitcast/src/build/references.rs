@@ -1,8 +1,11 @@
 //! References: the boxes of triangles that builders sort into nodes.
 
+use fearless_simd::f32x4;
+use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::{MAX_COORDINATE, NonFinite};
+use crate::simd::{Kernel, dispatch};
 use crate::{Aabb, BuildError, Mesh};
 
 /// Triangles handled by one task when boxes are computed.
@@ -43,7 +46,7 @@ impl Reference {
 
     /// The box of a triangle.
     #[inline(always)]
-    fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
+    pub(crate) fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
         Self {
             min: [
                 a[0].min(b[0]).min(c[0]),
@@ -68,6 +71,26 @@ impl Reference {
     }
 }
 
+impl Reference {
+    /// Whether nothing is left of the triangle.
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        (self.min[0] > self.max[0]) | (self.min[1] > self.max[1]) | (self.min[2] > self.max[2])
+    }
+}
+
+/// The lower of two numbers: unlike `f32::min`, a single instruction.
+#[inline(always)]
+pub(crate) fn lower(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// The higher of two numbers: unlike `f32::max`, a single instruction.
+#[inline(always)]
+pub(crate) fn upper(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
 /// The triangles that a tree is built over: all of a mesh, or those left when
 /// unusable ones are skipped.
 #[derive(Debug)]
@@ -80,21 +103,16 @@ pub(crate) struct Triangles<'m> {
 impl<'m> Triangles<'m> {
     /// Finds the usable triangles of a mesh: those whose corners can be traced.
     pub(crate) fn of(mesh: Mesh<'m>, non_finite: NonFinite) -> Result<Self, BuildError> {
-        let traceable = |position: &[f32; 3]| {
-            // Written so that NaN fails; no short cut, so that it vectorises.
-            let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
-            x & y & z
-        };
         let all = |positions: &[[f32; 3]]| {
             positions
                 .iter()
-                .fold(true, |all, position| all & traceable(position))
+                .fold(true, |all, position| all & is_traceable(position))
         };
         if mesh.positions().par_chunks(CHUNK).all(all) {
             return Ok(Self { mesh, usable: None });
         }
         let usable: Vec<u32> = (0..mesh.triangles().len() as u32)
-            .filter(|&triangle| mesh.corners(triangle).iter().all(traceable))
+            .filter(|&triangle| mesh.corners(triangle).iter().all(is_traceable))
             .collect();
         if non_finite == NonFinite::Reject && usable.len() < mesh.triangles().len() {
             return Err(first_unusable(mesh));
@@ -142,32 +160,42 @@ impl<'m> Triangles<'m> {
 }
 
 /// The box around all references.
-#[inline(always)]
 pub(crate) fn bounds_of(references: &[Reference]) -> Aabb {
-    let mut min = [f32::INFINITY; 4];
-    let mut max = [f32::NEG_INFINITY; 4];
-    for reference in references {
-        let (low, high) = reference.lanes();
-        // Not `f32::min`: a plain selection is a single instruction.
-        for lane in 0..4 {
-            min[lane] = if low[lane] < min[lane] {
-                low[lane]
-            } else {
-                min[lane]
-            };
-            max[lane] = if high[lane] > max[lane] {
-                high[lane]
-            } else {
-                max[lane]
-            };
+    struct Bounds<'a>(&'a [Reference]);
+    impl Kernel for Bounds<'_> {
+        type Output = Aabb;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Aabb {
+            bounds_of_lanes(simd, self.0)
         }
     }
-    let [a, b, c, _] = min;
-    let [d, e, f, _] = max;
-    Aabb {
-        min: [a, b, c],
-        max: [d, e, f],
+    dispatch(Bounds(references))
+}
+
+/// [`bounds_of`] inside a kernel.
+#[inline(always)]
+pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aabb {
+    let mut min = f32x4::splat(simd, f32::INFINITY);
+    let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
+    for reference in references {
+        let (low, high) = reference.lanes();
+        min = min.min(f32x4::simd_from(simd, low));
+        max = max.max(f32x4::simd_from(simd, high));
     }
+    let [a, b, c, _]: [f32; 4] = min.into();
+    let [d, e, f, _]: [f32; 4] = max.into();
+    // Adding 0 turns -0 into 0: which of the two a minimum gives depends on the instruction set.
+    Aabb {
+        min: [a + 0.0, b + 0.0, c + 0.0],
+        max: [d + 0.0, e + 0.0, f + 0.0],
+    }
+}
+
+/// Whether a corner may stand here. NaN fails; no short cut, so that it vectorises.
+fn is_traceable(position: &[f32; 3]) -> bool {
+    let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
+    x & y & z
 }
 
 /// Names the first vertex that keeps a triangle from being used.
@@ -178,7 +206,7 @@ fn first_unusable(mesh: Mesh<'_>) -> BuildError {
         .enumerate()
         .flat_map(|(triangle, corners)| corners.iter().map(move |&vertex| (triangle, vertex)))
         .map(|(triangle, vertex)| (triangle, vertex, mesh.positions()[vertex as usize]))
-        .find(|(_, _, position)| position.iter().any(|x| !(x.abs() <= MAX_COORDINATE)));
+        .find(|(_, _, position)| !is_traceable(position));
     let (triangle, vertex, position) = culprit.expect("called only if a triangle is unusable");
     BuildError::NonFinite {
         triangle,

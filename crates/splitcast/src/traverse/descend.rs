@@ -1,10 +1,11 @@
 //! Front-to-back descent of one ray: the loop that every single-ray query
 //! shares (Havran 2000, the recursive algorithm with a fixed stack).
 //!
-//! Distances to planes carry rounding errors of a few units in the last
-//! place, the triangle test others. Intervals are therefore widened by
-//! [`SLACK`] wherever a subtree would be dropped: near a plane both sides are
-//! visited, so that no hit depends on where planes lie.
+//! No hit depends on where planes lie: a hit at `t` is a point `q` of the
+//! triangle, `q` lies in some leaf that lists the triangle, and the ray's
+//! point at `t` is no farther from `q` than the errors of the triangle test.
+//! Descent widens every interval by at least as much on every axis, so that
+//! it never drops the leaf of `q` while `t` is in range.
 
 use std::ops::ControlFlow;
 
@@ -12,10 +13,17 @@ use crate::build::MAX_DEPTH;
 use crate::kd_tree::NodeKind;
 use crate::{KdTree, Ray};
 
-/// Relative widening of distances. A plane's distance `(s - o) * (1 / d)` is
-/// off by at most 1.5 units of 2⁻²³ and the triangle test's by a few more;
-/// 2⁻²⁰ covers both with room and costs no measurable visits.
-const SLACK: f32 = 9.536_743e-7;
+/// Widening of all intervals in space, relative to the reach, the distance
+/// from the ray's origin to the farthest point of the tree. In units of 2⁻²⁴
+/// of the reach, a hit's `t` is off by 1 at most, the distance to a plane by 5 and
+/// its interval's ends by 1, and [`SLOWEST`] adds less than 1; this is 16.
+const SLACK: f32 = 1.0 / (1 << 20) as f32;
+
+/// Components of the direction count as no smaller than this share of the
+/// largest. Keeps distances to planes finite for rays parallel to an axis, and
+/// moves no point of the ray inside the tree by more than a fraction of the
+/// slack.
+const SLOWEST: f32 = 1.0 / (1 << 30) as f32;
 
 /// What a ray met on its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,19 +45,22 @@ pub(super) trait LeafVisitor {
     fn t_max(&self) -> f32;
 }
 
-/// Visits all leaves that the ray meets within its range and the visitor's.
+/// Visits all leaves that a valid ray meets within its range and the visitor's.
+/// `reach` is the tree's from the ray's origin ([`Aabb::reach`](crate::Aabb::reach)).
+#[inline(always)]
 pub(super) fn descend(
     tree: &KdTree<'_>,
     ray: &Ray,
+    reach: f32,
     visitor: &mut impl LeafVisitor,
 ) -> TraversalCounts {
     let mut counts = TraversalCounts::default();
-    let inverse = ray.direction.map(f32::recip);
-    let Some((mut enter, mut exit)) = clip_to_box(tree, ray, inverse) else {
+    let planes = PlaneDistances::new(ray, reach);
+    let Some((mut enter, mut exit)) = planes.clip_to_box(tree, ray) else {
         return counts;
     };
     let nodes = tree.nodes();
-    let mut stack = [(0, 0.0, 0.0); MAX_DEPTH as usize];
+    let mut stack = [(0u32, 0.0, 0.0); MAX_DEPTH as usize];
     let mut top = 0;
     let mut index = 0;
     loop {
@@ -61,35 +72,30 @@ pub(super) fn descend(
             } => {
                 counts.inner_nodes += 1;
                 let left = index + 1;
-                // The sign of the inverse, not of the direction: it also orders -0.
-                let (first, second) = if inverse[axis] < 0.0 {
+                let (first, second) = if planes.inverse[axis] < 0.0 {
                     (right, left)
                 } else {
                     (left, right)
                 };
-                let t = (position - ray.origin[axis]) * inverse[axis];
-                // A ray that runs inside the plane has t = 0 · ∞ = NaN: no comparison holds, and
-                // both sides are visited over the whole interval.
-                let (wide, narrow) = (t * (1.0 + SLACK), t * (1.0 - SLACK));
-                let (low, high) = (wide.min(narrow), wide.max(narrow));
+                let (low, high) = planes.to(axis, position);
+                // NaN, from overflow only, makes every comparison fail: both sides are visited
+                // over the whole interval.
                 if high < enter {
                     index = second;
                 } else if low > exit {
                     index = first;
                 } else {
                     index = first;
-                    stack[top] = (second, low.max(enter), exit);
+                    stack[top] = (second as u32, if low > enter { low } else { enter }, exit);
                     top += 1;
-                    exit = high.min(exit);
+                    exit = if high < exit { high } else { exit };
                 }
             }
             NodeKind::Leaf { first, count } => {
                 counts.leaves += 1;
                 counts.triangles += count as u32;
-                if visitor
-                    .visit(&tree.references()[first..first + count])
-                    .is_break()
-                {
+                let references = &tree.references()[first..first + count];
+                if visitor.visit(references).is_break() {
                     return counts;
                 }
                 loop {
@@ -97,8 +103,9 @@ pub(super) fn descend(
                         return counts;
                     }
                     top -= 1;
-                    (index, enter, exit) = stack[top];
-                    if enter <= visitor.t_max() {
+                    let (next, next_enter, next_exit) = stack[top];
+                    if next_enter <= visitor.t_max() {
+                        (index, enter, exit) = (next as usize, next_enter, next_exit);
                         break;
                     }
                 }
@@ -107,23 +114,47 @@ pub(super) fn descend(
     }
 }
 
-/// The part of the ray's range inside the tree's box, widened by the slack.
-fn clip_to_box(tree: &KdTree<'_>, ray: &Ray, inverse: [f32; 3]) -> Option<(f32, f32)> {
-    let bounds = tree.bounds();
-    let (mut enter, mut exit) = (ray.t_min, ray.t_max);
-    for axis in 0..3 {
-        let (min, max, origin) = (bounds.min[axis], bounds.max[axis], ray.origin[axis]);
-        if inverse[axis].is_finite() {
-            let (a, b) = (
-                (min - origin) * inverse[axis],
-                (max - origin) * inverse[axis],
-            );
-            let (near, far) = (a.min(b), a.max(b));
-            enter = enter.max(near - near.abs() * SLACK);
-            exit = exit.min(far + far.abs() * SLACK);
-        } else if origin < min || origin > max {
-            return None;
+/// Distances along one ray to axis-aligned planes, with their slack.
+struct PlaneDistances {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    /// The slack in space, turned into one of distance on each axis.
+    slack: [f32; 3],
+}
+
+impl PlaneDistances {
+    fn new(ray: &Ray, reach: f32) -> Self {
+        let fastest = ray.direction.iter().fold(0.0, |m: f32, d| m.max(d.abs()));
+        let inverse = ray
+            .direction
+            .map(|d| d.abs().max(fastest * SLOWEST).copysign(d).recip());
+        Self {
+            origin: ray.origin,
+            inverse,
+            slack: inverse.map(|inverse| inverse.abs() * (reach * SLACK)),
         }
     }
-    (enter <= exit).then_some((enter, exit))
+
+    /// The earliest and the latest distance at which the ray may pass the plane.
+    #[inline(always)]
+    fn to(&self, axis: usize, position: f32) -> (f32, f32) {
+        let t = (position - self.origin[axis]) * self.inverse[axis];
+        (t - self.slack[axis], t + self.slack[axis])
+    }
+
+    /// The part of the ray's range inside the tree's box.
+    fn clip_to_box(&self, tree: &KdTree<'_>, ray: &Ray) -> Option<(f32, f32)> {
+        let bounds = tree.bounds();
+        let (mut enter, mut exit) = (ray.t_min, ray.t_max);
+        for axis in 0..3 {
+            let (mut near, mut far) = (bounds.min[axis], bounds.max[axis]);
+            if self.inverse[axis] < 0.0 {
+                std::mem::swap(&mut near, &mut far);
+            }
+            // `max` and `min` drop NaN.
+            enter = enter.max(self.to(axis, near).0);
+            exit = exit.min(self.to(axis, far).1);
+        }
+        (enter <= exit).then_some((enter, exit))
+    }
 }

@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn exact_colours_come_out_as_they_went_in() {
-        let colors = vec![[12, 200, 255], [0, 1, 99]];
+        let colors = [[12, 200, 255], [0, 1, 99]];
         let picture = image(
             colors.iter().copied().map(srgb::decode).collect(),
             ToneCurve::Exact,

@@ -1,6 +1,8 @@
 //! A picture in memory.
 
-/// A rendered picture: linear scene-referred RGB, row by row from the top left.
+use crate::ToneCurve;
+
+/// A rendered picture: linear RGB, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Pixels in a row.
@@ -9,4 +11,6 @@ pub struct Image {
     pub height: u32,
     /// `width * height` linear RGB values; 1 is diffuse white in full light.
     pub pixels: Vec<[f32; 3]>,
+    /// How the values are to be brought to a display.
+    pub tone_curve: ToneCurve,
 }

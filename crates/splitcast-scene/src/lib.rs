@@ -23,6 +23,7 @@
 //! ```
 
 mod atomic;
+pub mod builtin;
 mod error;
 mod export;
 mod frame;

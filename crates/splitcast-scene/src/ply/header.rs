@@ -4,7 +4,7 @@
 //! that end in LF, CR LF or CR, `comment` and `obj_info` lines anywhere, and
 //! both spellings of the scalar types (`uchar` and `uint8`).
 
-use std::io::BufRead;
+use std::io::{BufRead, Read};
 use std::path::Path;
 
 use crate::SceneError;
@@ -288,8 +288,12 @@ impl<'a> Lines<'a> {
         }
         if !matches!(&first[..], b"ply\n" | b"ply\r" | b"ply\r\n") {
             // A little more of it tells people what the file really is.
-            let more = reader.fill_buf().map_err(io)?;
-            first.extend(&more[..more.len().min(SHOWN_BYTES)]);
+            let more = SHOWN_BYTES.saturating_sub(first.len()) as u64;
+            reader
+                .by_ref()
+                .take(more)
+                .read_to_end(&mut first)
+                .map_err(io)?;
             let found = quoted(&first);
             return Err(SceneError::NotAMesh {
                 path: path.to_path_buf(),

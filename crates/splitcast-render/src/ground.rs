@@ -1,0 +1,100 @@
+//! The ground: a plane under the motion that catches its shadow and turns to
+//! haze in the distance, so that no horizon line cuts the picture.
+
+use glam::Vec3;
+
+use crate::stage::Stage;
+
+/// Share of light that the ground reflects: pale sand.
+pub(crate) const ALBEDO: Vec3 = Vec3::new(0.51, 0.44, 0.345);
+
+/// Distances from the motion's middle, in its radii, at which the haze begins
+/// and at which nothing but haze is left.
+const HAZE: (f32, f32) = (2.0, 24.0);
+
+/// A horizontal plane under the motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ground {
+    up: Vec3,
+    /// Coordinate of the plane along up.
+    height: f32,
+    /// Below the middle of the motion, on the plane.
+    centre: Vec3,
+    /// Radius of the motion.
+    radius: f32,
+}
+
+impl Ground {
+    /// The plane at the lowest point of the stage.
+    pub(crate) fn new(stage: &Stage) -> Self {
+        let up = stage.up();
+        let centre = stage.centre + up * (stage.floor - stage.centre.dot(up));
+        Self {
+            up: up.as_vec3(),
+            height: stage.floor as f32,
+            centre: centre.as_vec3(),
+            radius: stage.radius as f32,
+        }
+    }
+
+    /// Up, of unit length: the ground's normal.
+    pub(crate) fn up(&self) -> Vec3 {
+        self.up
+    }
+
+    /// The distance at which a ray comes down on the ground.
+    pub(crate) fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let (above, descent) = (origin.dot(self.up) - self.height, -direction.dot(self.up));
+        (above > 0.0 && descent > 0.0)
+            .then(|| above / descent)
+            .filter(|t| t.is_finite())
+    }
+
+    /// How much of the ground has turned to haze at `point`: 0 to 1, smooth.
+    pub(crate) fn haze(&self, point: Vec3) -> f32 {
+        let distance = (point - self.centre).length() / self.radius;
+        let share = ((distance - HAZE.0) / (HAZE.1 - HAZE.0)).clamp(0.0, 1.0);
+        // Eased at the far end only: near ground loses contrast slowly, as in real haze.
+        share * share * (3.0 - 2.0 * share)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitcast::Aabb;
+
+    use super::*;
+
+    fn ground() -> Ground {
+        let bounds = Aabb {
+            min: [-1.0, 2.0, -1.0],
+            max: [1.0, 3.0, 1.0],
+        };
+        Ground::new(&Stage::new(&bounds, [0.0, 1.0, 0.0]))
+    }
+
+    #[test]
+    fn rays_from_above_come_down_on_the_lowest_point() {
+        let t = ground().intersect(Vec3::new(0.0, 5.0, 0.0), Vec3::new(0.6, -0.8, 0.0));
+        assert!((t.unwrap() - 3.75).abs() < 1e-5);
+    }
+
+    #[test]
+    fn rays_that_rise_or_start_below_miss() {
+        let ground = ground();
+        let above = Vec3::new(0.0, 5.0, 0.0);
+        assert_eq!(ground.intersect(above, Vec3::Y), None);
+        assert_eq!(ground.intersect(above, Vec3::X), None);
+        assert_eq!(ground.intersect(Vec3::ZERO, Vec3::NEG_Y), None);
+    }
+
+    #[test]
+    fn haze_grows_from_nothing_to_all() {
+        let ground = ground();
+        let haze: Vec<f32> = (0..200)
+            .map(|x| ground.haze(Vec3::new(x as f32 * 0.25, 2.0, 0.0)))
+            .collect();
+        assert!(haze.is_sorted());
+        assert_eq!((haze[0], haze[199]), (0.0, 1.0));
+    }
+}

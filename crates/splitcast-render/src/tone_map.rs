@@ -1,0 +1,184 @@
+//! From light to display: a film-like curve, then the sRGB transfer curve,
+//! then bytes.
+//!
+//! The curve is Stephen Hill's fit of the ACES reference rendering and
+//! output transforms for sRGB displays (published with "Baking Lab", Pettineo
+//! & Hill 2016): a matrix into a space in which bright colours pale as they do on
+//! film, a rational curve with toe and shoulder on each channel, and a matrix
+//! back. It has neither logarithms nor powers, so its values are the same on
+//! every platform.
+
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+use crate::{Image, srgb};
+
+/// sRGB primaries to those of the curve, with the desaturation of the
+/// reference rendering transform; the rows of the matrix.
+const TO_CURVE: Mat3 = rows([
+    [0.597_19, 0.354_58, 0.048_23],
+    [0.076_00, 0.908_34, 0.015_66],
+    [0.028_40, 0.133_83, 0.837_77],
+]);
+
+/// The way back, with the output transform's desaturation.
+const FROM_CURVE: Mat3 = rows([
+    [1.604_75, -0.531_08, -0.073_67],
+    [-0.102_08, 1.108_13, -0.006_05],
+    [-0.003_27, -0.072_76, 1.076_02],
+]);
+
+/// Brings diffuse white in full light to 0.8 on the display, which leaves the
+/// shoulder for highlights; the fit alone is made for darker scenes.
+const EXPOSURE: f32 = 1.6;
+
+/// Above this the curve is flat in single precision; keeps its square finite.
+const BRIGHTEST: f32 = 1e6;
+
+/// Pixels that one task converts.
+const CHUNK: usize = 1 << 14;
+
+/// How the values of an [`Image`] are brought to a display.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ToneCurve {
+    /// Values are light in a scene of any brightness: contrast and highlights
+    /// as on film.
+    #[default]
+    Filmic,
+    /// Values are colours to be shown exactly, such as those of a heat map;
+    /// values outside 0 to 1 are clipped.
+    Exact,
+}
+
+impl ToneCurve {
+    /// The display's linear light, 0 to 1, for a pixel's value. NaN and
+    /// negative values count as 0.
+    pub fn apply(self, pixel: [f32; 3]) -> [f32; 3] {
+        let pixel = Vec3::from(pixel.map(|x| if x > 0.0 { x.min(BRIGHTEST) } else { 0.0 }));
+        match self {
+            Self::Filmic => FROM_CURVE * film(TO_CURVE * (pixel * EXPOSURE)),
+            Self::Exact => pixel,
+        }
+        .clamp(Vec3::ZERO, Vec3::ONE)
+        .into()
+    }
+}
+
+/// The image as 8-bit sRGB: `3 * width * height` bytes, red first, in the
+/// order of its pixels. Values of [`ToneCurve::Filmic`] that lie between two
+/// bytes become one or the other in a fine pattern, the same for every picture,
+/// so that soft gradients show no bands. Runs on the current rayon thread pool.
+#[must_use]
+pub fn to_srgb8(image: &Image) -> Vec<u8> {
+    let width = image.width as usize;
+    let mut bytes = vec![0; 3 * image.pixels.len()];
+    bytes
+        .par_chunks_mut(3 * CHUNK)
+        .zip(image.pixels.par_chunks(CHUNK))
+        .enumerate()
+        .for_each(|(chunk, (bytes, pixels))| {
+            for (place, (bytes, &pixel)) in bytes.chunks_exact_mut(3).zip(pixels).enumerate() {
+                let index = chunk * CHUNK + place;
+                let threshold = match image.tone_curve {
+                    ToneCurve::Filmic => dither(index % width, index / width),
+                    ToneCurve::Exact => 0.5,
+                };
+                let shown = image.tone_curve.apply(pixel);
+                bytes.copy_from_slice(&shown.map(|x| srgb::encode_at(x, threshold)));
+            }
+        });
+    bytes
+}
+
+/// A threshold between 0 and 1 for a pixel, evenly spread among its
+/// neighbours: interleaved gradient noise (Jimenez 2014, "Next generation post
+/// processing in Call of Duty: Advanced Warfare").
+fn dither(x: usize, y: usize) -> f32 {
+    let gradient = 0.067_110_56 * x as f64 + 0.005_837_15 * y as f64;
+    (52.982_918_9 * gradient.fract()).fract() as f32
+}
+
+/// The fit's curve: nearly a square at the dark end, level at the bright one.
+fn film(v: Vec3) -> Vec3 {
+    let above = v * (v + 0.024_578_6) - 0.000_090_537;
+    let below = v * (0.983_729 * v + 0.432_951) + 0.238_081;
+    above / below
+}
+
+const fn rows(rows: [[f32; 3]; 3]) -> Mat3 {
+    let [a, b, c] = rows;
+    Mat3::from_cols_array(&[a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(pixels: Vec<[f32; 3]>, tone_curve: ToneCurve) -> Image {
+        Image {
+            width: pixels.len() as u32,
+            height: 1,
+            pixels,
+            tone_curve,
+        }
+    }
+
+    #[test]
+    fn brighter_greys_are_shown_brighter() {
+        let greys: Vec<_> = (0..4000).map(|i| [i as f32 * i as f32 * 1e-6; 3]).collect();
+        let shown: Vec<_> = greys
+            .iter()
+            .map(|&grey| ToneCurve::Filmic.apply(grey))
+            .collect();
+        for pair in shown.windows(2) {
+            for channel in 0..3 {
+                assert!(pair[0][channel] <= pair[1][channel], "{pair:?}");
+            }
+        }
+        assert!(shown[0][0] < 0.001);
+        assert!(shown[3999][0] > 0.97);
+    }
+
+    #[test]
+    fn greys_stay_grey() {
+        for grey in [0.0, 0.02, 0.18, 0.7, 3.0] {
+            let [r, g, b] = ToneCurve::Filmic.apply([grey; 3]);
+            assert!((r - g).abs() < 2e-4 && (g - b).abs() < 2e-4, "{r} {g} {b}");
+        }
+    }
+
+    #[test]
+    fn no_value_gives_anything_but_a_colour() {
+        for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -3.0, f32::MAX] {
+            for curve in [ToneCurve::Filmic, ToneCurve::Exact] {
+                let shown = curve.apply([odd, 0.5, odd]);
+                assert!(shown.iter().all(|x| (0.0..=1.0).contains(x)), "{shown:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_between_two_bytes_become_both_in_proportion() {
+        let mut picture = image(vec![[0.2; 3]; 64 * 64], ToneCurve::Filmic);
+        (picture.width, picture.height) = (64, 64);
+        let bytes = to_srgb8(&picture);
+        let mean = bytes
+            .iter()
+            .map(|&byte| srgb::decode([byte; 3])[0])
+            .sum::<f32>()
+            / bytes.len() as f32;
+        assert!((mean - ToneCurve::Filmic.apply([0.2; 3])[0]).abs() < 2e-4);
+        assert!(bytes.iter().max().unwrap() - bytes.iter().min().unwrap() <= 1);
+    }
+
+    #[test]
+    fn exact_colours_come_out_as_they_went_in() {
+        let colors = [[12, 200, 255], [0, 1, 99]];
+        let picture = image(
+            colors.iter().copied().map(srgb::decode).collect(),
+            ToneCurve::Exact,
+        );
+        assert_eq!(to_srgb8(&picture), colors.concat());
+    }
+}

@@ -70,8 +70,8 @@ pub use options::{
     MAX_PIXELS, MAX_SAMPLES_PER_PIXEL, MAX_SIDE, Quality, RenderOptions, Shading, View,
 };
 pub use output::{
-    FrameSink, OutputError, OutputFormat, OutputOptions, OutputSpec, OutputThread, Resumed, Settings,
-    check_writable,
+    FrameSink, OutputError, OutputFormat, OutputOptions, OutputSpec, OutputThread, Resumed,
+    Settings, check_writable,
 };
 pub use renderer::{RenderStats, Renderer};
 pub use tone_map::{ToneCurve, to_srgb8};

@@ -31,7 +31,7 @@ impl Settings {
     pub(crate) fn to_text(&self) -> String {
         let mut text = String::new();
         for (name, value) in &self.entries {
-            writeln!(text, "{}={}", name.escape_default(), value.escape_default())
+            writeln!(text, "{}={}", escaped(name), escaped(value))
                 .expect("writing to a string cannot fail");
         }
         text
@@ -61,6 +61,19 @@ impl Settings {
         }
         Some("settings were set that no longer are".to_owned())
     }
+}
+
+/// Printable ASCII as it is, everything else as `\u{…}`: what the text fields
+/// of every format can hold.
+fn escaped(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            ' '..='~' if c != '\\' => out.push(c),
+            _ => out.extend(c.escape_unicode()),
+        }
+    }
+    out
 }
 
 #[cfg(test)]

@@ -5,12 +5,17 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+/// Least time between two lines of steps about which there is nothing to tell
+/// but their number.
+const QUIET: Duration = Duration::from_secs(5);
+
 /// Tells about steps of one piece of work, on standard error.
 pub(crate) struct Progress {
     what: &'static str,
     total: usize,
     done: usize,
     started: Instant,
+    told: Instant,
     /// The bar, if standard error is a terminal.
     bar: Option<ProgressBar>,
 }
@@ -33,6 +38,7 @@ impl Progress {
             total,
             done: 0,
             started: Instant::now(),
+            told: Instant::now(),
             bar,
         }
     }
@@ -49,7 +55,9 @@ impl Progress {
                 bar.set_message(format!("{message}{separator}{left} left"));
                 bar.inc(1);
             }
+            None if message.is_empty() && self.told.elapsed() < QUIET => {}
             None => {
+                self.told = Instant::now();
                 let (what, done, total) = (self.what, self.done, self.total);
                 // Nobody is left to tell if standard error is closed.
                 let _ = writeln!(

@@ -18,12 +18,12 @@ pub enum OutputError {
         path: PathBuf,
     },
     /// A frame number pattern that cannot be followed.
-    #[error("{}: {reason}: write one pattern such as frame_%04d.png", path.display())]
+    #[error("{}: bad pattern: {reason}, as in frame_%04d.png", path.display())]
     Pattern {
         /// The name as given.
         path: PathBuf,
         /// What is wrong with its pattern.
-        reason: &'static str,
+        reason: String,
     },
     /// Several frames, but a name for one picture only.
     #[error(

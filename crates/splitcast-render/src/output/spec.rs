@@ -4,6 +4,8 @@ use std::ffi::OsStr;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use splitcast_scene::NumberPattern;
+
 use super::error::OutputError;
 
 /// What is written.
@@ -35,15 +37,8 @@ impl fmt::Display for OutputFormat {
 pub struct OutputSpec {
     path: PathBuf,
     format: OutputFormat,
-    /// The file name split around its frame number, if it has a pattern.
-    pattern: Option<Pattern>,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Pattern {
-    before: String,
-    digits: usize,
-    after: String,
+    /// The file's name, if it has a frame number in it.
+    pattern: Option<NumberPattern>,
 }
 
 impl OutputSpec {
@@ -96,13 +91,7 @@ impl OutputSpec {
     pub fn frame_path(&self, index: usize) -> PathBuf {
         match &self.pattern {
             None => self.path.clone(),
-            Some(Pattern {
-                before,
-                digits,
-                after,
-            }) => self
-                .path
-                .with_file_name(format!("{before}{index:0digits$}{after}")),
+            Some(pattern) => self.path.with_file_name(pattern.name(index as u64)),
         }
     }
 
@@ -117,63 +106,20 @@ impl OutputSpec {
     }
 }
 
-fn parse_pattern(path: &Path) -> Result<Option<Pattern>, OutputError> {
-    let fail = |reason| {
-        Err(OutputError::Pattern {
-            path: path.to_owned(),
-            reason,
-        })
+fn parse_pattern(path: &Path) -> Result<Option<NumberPattern>, OutputError> {
+    let fail = |reason: String| OutputError::Pattern {
+        path: path.to_owned(),
+        reason,
     };
-    if let Some(folder) = path.parent()
-        && folder.to_string_lossy().contains('%')
-    {
-        return fail("frame numbers belong in the file's name, not in the folder's");
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if folder.to_string_lossy().contains('%') {
+        let reason = "frame numbers belong in the file's name, not in the folder's";
+        return Err(fail(reason.to_owned()));
     }
-    let Some(name) = path.file_name().and_then(OsStr::to_str) else {
+    match path.file_name().and_then(OsStr::to_str) {
+        Some(name) if name.contains('%') => NumberPattern::parse(name).map(Some).map_err(fail),
         // A name that is not Unicode is taken as it is: a single picture.
-        return Ok(None);
-    };
-    let mut pattern: Option<(String, usize)> = None;
-    let mut text = String::new();
-    let mut rest = name;
-    while let Some((literal, tail)) = rest.split_once('%') {
-        text.push_str(literal);
-        if let Some(after) = tail.strip_prefix('%') {
-            text.push('%');
-            rest = after;
-            continue;
-        }
-        let width = tail
-            .find(|c: char| !c.is_ascii_digit())
-            .unwrap_or(tail.len());
-        let (digits, after) = tail.split_at(width);
-        let Some(after) = after.strip_prefix('d') else {
-            return fail("% is not followed by d, such as in %04d (write %% for a per cent sign)");
-        };
-        // More digits than a frame number can have serve no purpose.
-        let Some(digits) = (if digits.is_empty() {
-            Some(1)
-        } else {
-            digits.parse().ok()
-        })
-        .filter(|&digits| digits <= 20) else {
-            return fail("the frame number can have at most 20 digits");
-        };
-        if pattern.is_some() {
-            return fail("there are two frame numbers");
-        }
-        pattern = Some((std::mem::take(&mut text), digits));
-        rest = after;
-    }
-    text.push_str(rest);
-    match pattern {
-        Some((before, digits)) => Ok(Some(Pattern {
-            before,
-            digits,
-            after: text,
-        })),
-        None if text != name => fail("%% stands for a per cent sign only beside a frame number"),
-        None => Ok(None),
+        _ => Ok(None),
     }
 }
 
@@ -211,7 +157,7 @@ mod tests {
         assert_eq!(name("out/f_%04d.png", 7), "out/f_0007.png");
         assert_eq!(name("f_%04d.png", 12345), "f_12345.png");
         assert_eq!(name("%d.exr", 0), "0.exr");
-        assert_eq!(name("50%%_%3d_b.png", 2), "50%_002_b.png");
+        assert_eq!(name("50%%_%03d_b.png", 2), "50%_002_b.png");
         assert!(!OutputSpec::parse("one.png").unwrap().has_pattern());
         let video = OutputSpec::parse("a%04d.mp4").unwrap();
         assert_eq!(video.frame_path(3), Path::new("a%04d.mp4"));
@@ -226,6 +172,7 @@ mod tests {
             "%99d.png",
             "%99999999999999999999999d.png",
             "100%%.png",
+            "%4d.png",
             "dir%d/a.png",
         ] {
             let error = OutputSpec::parse(bad).unwrap_err();

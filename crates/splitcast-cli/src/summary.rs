@@ -11,12 +11,12 @@ use crate::table::{
 pub(crate) fn summary(report: &Report) -> String {
     let frames = &report.frames;
     let mut text = format!(
-        "{}: {} of {}x{} pixels, {} samples a pixel, {} trees, {}\n",
+        "{}: {} of {}x{} pixels, {} a pixel, {} trees, {}\n",
         report.out,
         count(frames.len() + report.resumed_frames.len(), "frame"),
         report.width,
         report.height,
-        report.samples_per_pixel,
+        count(report.samples_per_pixel as usize, "sample"),
         report.builder,
         count(report.threads, "thread"),
     );

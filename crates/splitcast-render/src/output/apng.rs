@@ -10,7 +10,7 @@ use std::path::Path;
 use ::png::{BitDepth, BlendOp, ColorType, DisposeOp, Encoder, SrgbRenderingIntent, Writer};
 
 use super::sink::OutputOptions;
-use super::video::VideoEncoder;
+use super::video::{EncodeFailure, VideoEncoder};
 
 /// Writes frames into the draft file as they come.
 pub(super) struct ApngEncoder {
@@ -20,7 +20,7 @@ pub(super) struct ApngEncoder {
 }
 
 impl VideoEncoder for ApngEncoder {
-    fn start(draft: &Path, options: &OutputOptions) -> Result<Self, String> {
+    fn start(draft: &Path, options: &OutputOptions) -> Result<Self, EncodeFailure> {
         let start = || -> Result<_, ::png::EncodingError> {
             let file = BufWriter::new(File::create(draft)?);
             let mut encoder = Encoder::new(file, options.width, options.height);
@@ -36,13 +36,13 @@ impl VideoEncoder for ApngEncoder {
             encoder.write_header()
         };
         Ok(Self {
-            writer: start().map_err(|error| error.to_string())?,
+            writer: start()?,
             width: options.width as usize,
             previous: None,
         })
     }
 
-    fn push(&mut self, rgb: &[u8]) -> Result<(), String> {
+    fn push(&mut self, rgb: &[u8]) -> Result<(), EncodeFailure> {
         let mut write = || -> Result<(), ::png::EncodingError> {
             let Some(previous) = &self.previous else {
                 return self.writer.write_image_data(rgb);
@@ -56,13 +56,13 @@ impl VideoEncoder for ApngEncoder {
                 .set_frame_position(region.x as u32, region.y as u32)?;
             self.writer.write_image_data(&region.cut(rgb, self.width))
         };
-        write().map_err(|error| error.to_string())?;
+        write()?;
         self.previous = Some(rgb.to_owned());
         Ok(())
     }
 
-    fn finish(self, _draft: &Path) -> Result<(), String> {
-        self.writer.finish().map_err(|error| error.to_string())
+    fn finish(self, _draft: &Path) -> Result<(), EncodeFailure> {
+        Ok(self.writer.finish()?)
     }
 }
 

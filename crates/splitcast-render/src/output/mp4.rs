@@ -9,7 +9,7 @@ use muxide::api::{MuxerConfig, VideoCodec};
 
 use super::av1::{Av1Encoder, TemporalUnit};
 use super::sink::OutputOptions;
-use super::video::VideoEncoder;
+use super::video::{EncodeFailure, VideoEncoder};
 
 /// Smallest side the encoder takes, in pixels.
 const MIN_SIDE: u32 = 16;
@@ -43,7 +43,7 @@ pub(super) fn size_problem(width: u32, height: u32) -> Option<String> {
 }
 
 impl VideoEncoder for Mp4Encoder {
-    fn start(_draft: &Path, options: &OutputOptions) -> Result<Self, String> {
+    fn start(_draft: &Path, options: &OutputOptions) -> Result<Self, EncodeFailure> {
         Ok(Self {
             encoder: Av1Encoder::new(options)?,
             width: options.width,
@@ -52,14 +52,14 @@ impl VideoEncoder for Mp4Encoder {
         })
     }
 
-    fn push(&mut self, rgb: &[u8]) -> Result<(), String> {
-        self.encoder.push(rgb)
+    fn push(&mut self, rgb: &[u8]) -> Result<(), EncodeFailure> {
+        Ok(self.encoder.push(rgb)?)
     }
 
-    fn finish(self, draft: &Path) -> Result<(), String> {
+    fn finish(self, draft: &Path) -> Result<(), EncodeFailure> {
         let units = self.encoder.finish()?;
         let bytes = mux(&units, self.width, self.height, self.rate)?;
-        fs::write(draft, bytes).map_err(|error| error.to_string())
+        Ok(fs::write(draft, bytes)?)
     }
 }
 

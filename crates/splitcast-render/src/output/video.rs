@@ -1,5 +1,6 @@
 //! All frames in one file: what MP4 and APNG share.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::atomic;
@@ -8,17 +9,59 @@ use super::sink::{FrameSink, OutputOptions, Resumed, check_image};
 use super::spool::Spool;
 use crate::{Image, to_srgb8};
 
+/// Why an encoder stopped.
+pub(super) enum EncodeFailure {
+    /// The disk's fault.
+    Io(io::Error),
+    /// The encoder's fault, in its own words.
+    Encoder(String),
+}
+
+impl EncodeFailure {
+    fn at(self, path: &Path, frame: usize) -> OutputError {
+        match self {
+            Self::Io(source) => OutputError::io(path, source),
+            Self::Encoder(reason) => OutputError::Encode {
+                path: path.to_owned(),
+                frame,
+                reason,
+            },
+        }
+    }
+}
+
+impl From<io::Error> for EncodeFailure {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<::png::EncodingError> for EncodeFailure {
+    fn from(error: ::png::EncodingError) -> Self {
+        match error {
+            ::png::EncodingError::IoError(error) => Self::Io(error),
+            other => Self::Encoder(other.to_string()),
+        }
+    }
+}
+
+impl From<String> for EncodeFailure {
+    fn from(reason: String) -> Self {
+        Self::Encoder(reason)
+    }
+}
+
 /// Turns frames into one file. `draft` is where that file may grow: it lies in
 /// the spool's folder and is renamed when the encoder has finished.
 pub(super) trait VideoEncoder: Send + Sized {
     /// Starts a video with the given options.
-    fn start(draft: &Path, options: &OutputOptions) -> Result<Self, String>;
+    fn start(draft: &Path, options: &OutputOptions) -> Result<Self, EncodeFailure>;
 
     /// Adds one frame of 8-bit sRGB pixels.
-    fn push(&mut self, rgb: &[u8]) -> Result<(), String>;
+    fn push(&mut self, rgb: &[u8]) -> Result<(), EncodeFailure>;
 
     /// Completes the file `draft`.
-    fn finish(self, draft: &Path) -> Result<(), String>;
+    fn finish(self, draft: &Path) -> Result<(), EncodeFailure>;
 }
 
 /// Spools and encodes frames as they come.
@@ -36,12 +79,8 @@ impl<E: VideoEncoder> VideoSink<E> {
     pub(super) fn open(target: &Path, options: OutputOptions) -> Result<Self, OutputError> {
         atomic::check_writable(target)?;
         let (spool, resumed) = Spool::open(target, &options)?;
-        let encoder =
-            E::start(&spool.video_path(), &options).map_err(|reason| OutputError::Encode {
-                path: target.to_owned(),
-                frame: options.frames.start,
-                reason,
-            })?;
+        let encoder = E::start(&spool.video_path(), &options)
+            .map_err(|failure| failure.at(target, options.frames.start))?;
         Ok(Self {
             target: target.to_owned(),
             next: options.frames.start,
@@ -57,11 +96,7 @@ impl<E: VideoEncoder> VideoSink<E> {
         self.next += 1;
         self.encoder
             .push(rgb)
-            .map_err(|reason| OutputError::Encode {
-                path: self.target.clone(),
-                frame,
-                reason,
-            })
+            .map_err(|failure| failure.at(&self.target, frame))
     }
 
     /// Feeds the encoder with frames of the earlier run, up to before `end`.
@@ -107,11 +142,7 @@ impl<E: VideoEncoder> FrameSink for VideoSink<E> {
         let draft = self.spool.video_path();
         self.encoder
             .finish(&draft)
-            .map_err(|reason| OutputError::Encode {
-                path: self.target.clone(),
-                frame: self.next - 1,
-                reason,
-            })?;
+            .map_err(|failure| failure.at(&self.target, self.next - 1))?;
         atomic::publish(&draft, &self.target)?;
         self.spool.clear()
     }

@@ -181,21 +181,24 @@ fn throw(hare: &mut RigidBody) {
     hare.spin = Vec3::new(0.4, 0.3, -1.2);
 }
 
-/// The blow: pieces fly off, the faster the nearer, and the rabbit is slowed.
+/// The blow: pieces fly off and the rabbit is slowed.
 fn burst(hare: &mut RigidBody, pieces: &mut [RigidBody], random: &mut Random) {
-    /// Speed of pieces at the blow, in m/s, and the distance at which it halves.
-    const SPEED: f32 = 3.4;
+    /// Greatest speed of pieces, in m/s, and the distance from the blow, in
+    /// metres, of those that get it: nearer ones are slower, or they would run
+    /// into those around them.
+    const SPEED: f32 = 2.8;
     const RANGE: f32 = 0.45;
     hare.velocity *= 0.45;
     hare.spin *= 2.0;
     for piece in pieces {
         let offset = piece.pose.centre - BLOW;
         let distance = offset.length();
-        let falloff = 1.0 / (1.0 + (distance / RANGE) * (distance / RANGE));
+        let near = distance / RANGE;
+        let falloff = 2.0 * near / (1.0 + near * near);
         let outward = (offset + Vec3::Y * 0.10).normalize();
         let scatter = random.vector() - 0.5;
         piece.velocity =
-            (outward + scatter * 0.5) * (SPEED * falloff * (0.7 + 0.6 * random.unit()));
+            (outward + scatter * 0.3) * (SPEED * falloff * (0.7 + 0.6 * random.unit()));
         // Small pieces tumble faster.
         let tumble = (random.vector() - 0.5) * (2.0 * falloff / piece.reach.max(0.05));
         piece.spin = tumble;

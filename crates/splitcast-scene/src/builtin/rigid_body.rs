@@ -74,7 +74,7 @@ impl RigidBody {
         let centre = about + offset;
 
         let mut feelers: Vec<Vec3> = Vec::new();
-        for direction in geodesic_sphere(2).0 {
+        for direction in geodesic_sphere(4).0 {
             let extreme = positions
                 .iter()
                 .map(|&p| p - centre)

@@ -51,6 +51,7 @@ mod ground;
 mod image;
 mod legend;
 mod options;
+mod output;
 mod renderer;
 mod sampling;
 mod shade;
@@ -67,6 +68,10 @@ pub use error::RenderError;
 pub use image::Image;
 pub use options::{
     MAX_PIXELS, MAX_SAMPLES_PER_PIXEL, MAX_SIDE, Quality, RenderOptions, Shading, View,
+};
+pub use output::{
+    FrameSink, OutputError, OutputFormat, OutputOptions, OutputSpec, OutputThread, Resumed,
+    Settings, check_writable,
 };
 pub use renderer::{RenderStats, Renderer};
 pub use tone_map::{ToneCurve, to_srgb8};

@@ -5,6 +5,7 @@ mod binned;
 mod binned_subtree;
 mod clip;
 mod distribute;
+mod limits;
 mod plane_search;
 mod references;
 mod straddlers;
@@ -17,6 +18,7 @@ use std::str::FromStr;
 use crate::kd_tree::KdTree;
 use crate::{BuildError, CostModel, Mesh, OptionsError};
 
+use limits::Limits;
 pub(crate) use references::{Reference, Triangles};
 pub(crate) use subtree::{NodeWriter, Subtree};
 
@@ -200,9 +202,10 @@ pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree
     options.validate()?;
     let triangles = Triangles::of(mesh, options.non_finite)?;
     let max_depth = options.depth_bound(triangles.len());
+    let limits = Limits::of_tree(max_depth, triangles.len());
     let (subtree, bounds) = match options.builder {
-        Builder::Binned => binned::build(&triangles, max_depth, options),
-        Builder::Sweep => sweep::build(&triangles, max_depth, options),
+        Builder::Binned => binned::build(&triangles, limits, options),
+        Builder::Sweep => sweep::build(&triangles, limits, options),
     };
     subtree.into_tree(mesh, bounds, options.cost, triangles.skipped())
 }

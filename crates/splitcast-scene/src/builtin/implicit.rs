@@ -123,7 +123,7 @@ impl Piece {
 /// Signed distance to an ellipsoid to first order: `k0 (k0 - 1) / k1`, with
 /// `k0` its own norm and `k1` the length of the gradient of `k0^2 / 2`
 /// (Quilez, "Ellipsoid SDF").
-fn first_order(local: Vec3, radii: Vec3) -> f32 {
+pub(super) fn first_order(local: Vec3, radii: Vec3) -> f32 {
     let inverse = radii.recip();
     let scaled = local * inverse;
     let gradient_squared = (scaled * inverse).length_squared();
@@ -339,7 +339,7 @@ fn part_distance(part: &Part, point: Vec3, group: &[(u16, u16)]) -> f32 {
 
 /// The quadratic polynomial smooth minimum: equal to `min` where `a` and `b`
 /// differ by more than `width`.
-fn smooth_min(a: f32, b: f32, width: f32) -> f32 {
+pub(super) fn smooth_min(a: f32, b: f32, width: f32) -> f32 {
     let overlap = (width - (a - b).abs()).max(0.0);
     let fillet = if overlap > 0.0 {
         overlap * overlap / (4.0 * width)
@@ -351,6 +351,16 @@ fn smooth_min(a: f32, b: f32, width: f32) -> f32 {
 
 fn mirror(v: Vec3) -> Vec3 {
     Vec3::new(v.x, v.y, -v.z)
+}
+
+/// Weights of four keys in a row at `t`, from 0 to 1, between the middle ones.
+pub(super) fn catmull_rom(t: f32) -> [f32; 4] {
+    [
+        t * (t * (1.0 - 0.5 * t) - 0.5),
+        t * t * (1.5 * t - 2.5) + 1.0,
+        t * (t * (2.0 - 1.5 * t) + 0.5),
+        t * t * (0.5 * t - 0.5),
+    ]
 }
 
 /// Catmull-Rom subdivision, with the end sections doubled.
@@ -366,12 +376,7 @@ fn subdivide(sections: &[Section]) -> Vec<Section> {
         ];
         for step in 0..LOFT_SUBDIVISIONS {
             let t = step as f32 / LOFT_SUBDIVISIONS as f32;
-            let weights = [
-                t * (t * (1.0 - 0.5 * t) - 0.5),
-                t * t * (1.5 * t - 2.5) + 1.0,
-                t * (t * (2.0 - 1.5 * t) + 0.5),
-                t * t * (0.5 * t - 0.5),
-            ];
+            let weights = catmull_rom(t);
             let mix = |value: fn(&Section) -> f32| {
                 weights[0] * value(&before)
                     + weights[1] * value(&from)

@@ -6,18 +6,34 @@
 //! up, and the ground is the plane y = 0.
 
 mod animal;
+mod cloth;
+mod cloth_ball;
+mod collision;
 mod curve;
+mod edge_collapse;
 mod edge_flips;
 mod elephant;
+mod figurines;
 mod foot_path;
+mod fracture;
+mod geodesic_sphere;
+mod grid_subdivision;
 mod horse;
 mod implicit;
 mod limb;
+mod marching_tetrahedra;
 mod paint;
+mod particle_contacts;
+mod random;
+mod rigid_body;
+mod sculpture;
+mod sculpture_blocks;
 mod skeleton;
 mod skinning;
 mod surface_nets;
+mod value_noise;
 mod vertex_normals;
+mod xpbd;
 
 use crate::{FrameSource, SceneError};
 
@@ -41,7 +57,12 @@ pub struct BuiltinScene {
 }
 
 /// Every built-in scene, by rising triangle count.
-static SCENES: &[BuiltinScene] = &[horse::SCENE, elephant::SCENE];
+static SCENES: &[BuiltinScene] = &[
+    horse::SCENE,
+    elephant::SCENE,
+    cloth_ball::SCENE,
+    collision::SCENE,
+];
 
 /// Every built-in scene, by rising triangle count.
 pub fn list() -> &'static [BuiltinScene] {

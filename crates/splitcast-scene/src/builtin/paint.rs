@@ -1,6 +1,8 @@
 //! Colours that vary over a body.
 
-use glam::{IVec3, Vec3};
+use glam::Vec3;
+
+use super::value_noise::value_noise;
 
 /// `color` with a spot on it: `ink` up to `inner` from its middle, fading out
 /// towards `outer`.
@@ -12,31 +14,10 @@ pub(super) fn spot(color: [u8; 3], ink: [u8; 3], distance: f32, inner: f32, oute
 }
 
 /// `color` made lighter and darker by up to `depth` of itself, in blotches of
-/// which `frequency` fit in a metre (Perlin's value noise, on an integer hash).
+/// which `frequency` fit in a metre.
 pub(super) fn mottle(color: [u8; 3], position: Vec3, frequency: f32, depth: f32) -> [u8; 3] {
-    let at = position * frequency;
-    let corner = at.floor();
-    let t = at - corner;
-    let t = t * t * (3.0 - 2.0 * t);
-    let value = |x: i32, y: i32, z: i32| lattice_value(corner.as_ivec3() + IVec3::new(x, y, z));
-    let mix = |from: f32, to: f32, t: f32| from + (to - from) * t;
-    let row = |y, z| mix(value(0, y, z), value(1, y, z), t.x);
-    let sheet = |z| mix(row(0, z), row(1, z), t.y);
-    let factor = 1.0 + depth * mix(sheet(0), sheet(1), t.z);
+    let factor = 1.0 + depth * value_noise(position * frequency);
     color.map(|channel| (f32::from(channel) * factor).round().clamp(0.0, 255.0) as u8)
-}
-
-/// A value from -1 to 1 for a lattice point, by the finalizer of MurmurHash3.
-fn lattice_value(at: IVec3) -> f32 {
-    let mut hash = [at.x, at.y, at.z].iter().fold(0u32, |hash, &coordinate| {
-        (hash ^ coordinate as u32)
-            .wrapping_mul(0x9e37_79b1)
-            .rotate_left(13)
-    });
-    hash = (hash ^ (hash >> 16)).wrapping_mul(0x85eb_ca6b);
-    hash = (hash ^ (hash >> 13)).wrapping_mul(0xc2b2_ae35);
-    hash ^= hash >> 16;
-    (hash >> 8) as f32 / (1 << 23) as f32 - 1.0
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use super::binned_subtree::BinnedSubtree;
 use super::distribute::distribute;
+use super::limits::Limits;
 use super::references::bounds_of;
 use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::Aabb;
@@ -35,7 +36,7 @@ const SMALL_MESH: usize = 4 * BUCKET;
 /// Builds a subtree over `triangles`; gives it with the box around them.
 pub(super) fn build(
     triangles: &Triangles<'_>,
-    max_depth: u32,
+    limits: Limits,
     options: &BuildOptions,
 ) -> (Subtree, Aabb) {
     let min_split = options.min_split as usize;
@@ -46,7 +47,7 @@ pub(super) fn build(
             references: &mut references,
             mesh: triangles.mesh(),
             cell: bounds,
-            levels: max_depth,
+            limits,
             weight: 1,
             min_split,
             options,
@@ -58,13 +59,14 @@ pub(super) fn build(
         cell: bounds_of(&sample),
         references: &mut sample,
         mesh: triangles.mesh(),
-        levels: max_depth,
+        limits,
         weight: SAMPLE_STRIDE as u32,
         min_split: min_split.max(BUCKET / SAMPLE_STRIDE),
         options,
     });
     let buckets = distribute(triangles, &top);
     let bounds = buckets.bounds();
+    let total = buckets.total();
     let subtrees: Vec<Subtree> = leaf_cells(&top, bounds)
         .par_iter()
         .enumerate()
@@ -75,7 +77,7 @@ pub(super) fn build(
                 references: scratch,
                 mesh: triangles.mesh(),
                 cell,
-                levels: max_depth - depth,
+                limits: limits.below(depth, triangles.len(), total),
                 weight: 1,
                 min_split,
                 options,

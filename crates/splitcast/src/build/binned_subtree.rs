@@ -8,6 +8,7 @@
 
 use fearless_simd::prelude::*;
 
+use super::limits::Limits;
 use super::plane_search::{SplitCandidate, find_split};
 use super::straddlers::{divide, sort_by_side};
 use super::subtree::OpenInner;
@@ -21,8 +22,7 @@ pub(super) struct BinnedSubtree<'a> {
     pub(super) references: &'a mut Vec<Reference>,
     pub(super) mesh: Mesh<'a>,
     pub(super) cell: Aabb,
-    /// Levels that may be added.
-    pub(super) levels: u32,
+    pub(super) limits: Limits,
     /// Triangles that each reference stands for: above 1 for a sample.
     pub(super) weight: u32,
     /// Nodes of this many references or fewer become leaves without a search.
@@ -35,7 +35,7 @@ struct PendingNode {
     start: usize,
     count: usize,
     cell: Aabb,
-    levels: u32,
+    limits: Limits,
 }
 
 impl Kernel for BinnedSubtree<'_> {
@@ -50,11 +50,14 @@ impl Kernel for BinnedSubtree<'_> {
             start: 0,
             count: self.references.len(),
             cell: self.cell,
-            levels: self.levels,
+            limits: self.limits,
         };
         loop {
             let end = node.start + node.count;
-            let split = if node.levels == 0 || node.count <= self.min_split {
+            // In the worst case every reference goes to both sides.
+            let may_split =
+                node.count > self.min_split && node.limits.allow(node.count, 2 * node.count);
+            let split = if !may_split {
                 None
             } else {
                 let members = &self.references[node.start..end];
@@ -79,21 +82,21 @@ impl Kernel for BinnedSubtree<'_> {
                 &split,
             );
             let (left_cell, right_cell) = node.cell.split(split.axis, split.position);
-            let levels = node.levels - 1;
+            let limits = node.limits.below(1, node.count, left + right);
             right_children.push((
                 writer.open_inner(split.axis, split.position),
                 PendingNode {
                     start: node.start,
                     count: right,
                     cell: right_cell,
-                    levels,
+                    limits,
                 },
             ));
             node = PendingNode {
                 start: end,
                 count: left,
                 cell: left_cell,
-                levels,
+                limits,
             };
         }
     }

@@ -90,6 +90,14 @@ impl Buckets {
             .fold(Aabb::EMPTY, |bounds, batch| bounds.union(&batch.bounds))
     }
 
+    /// Number of references in all buckets.
+    pub(super) fn total(&self) -> usize {
+        self.batches
+            .iter()
+            .map(|batch| batch.references.len())
+            .sum()
+    }
+
     /// Appends the references of a bucket to `gathered`.
     pub(super) fn gather(&self, bucket: usize, gathered: &mut Vec<Reference>) {
         let runs = self.starts[bucket] as usize..self.starts[bucket + 1] as usize;

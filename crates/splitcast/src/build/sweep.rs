@@ -14,11 +14,14 @@
 //! pushes the left one, so memory grows with the number of straddlers only.
 
 mod event;
+#[cfg(test)]
+mod tests;
 
 use rayon::prelude::*;
 
 use self::event::{EdgeEvent, EventKind, MAX_EVENT_REFERENCES};
 use super::clip::clipped_bounds;
+use super::limits::Limits;
 use super::references::bounds_of;
 use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::{Aabb, CostModel, Mesh};
@@ -26,7 +29,7 @@ use crate::{Aabb, CostModel, Mesh};
 /// Nodes of this many triangles or more are shared among threads: their axes,
 /// and their children if both are as large. Depends on the node alone, so that
 /// the tree is the same on any number of threads. A node of this size takes
-/// about a millisecond with all below it, a thousand times what a join costs.
+/// some milliseconds with all below it, a thousand times what a join costs.
 const PARALLEL_TRIANGLES: usize = 2048;
 
 /// The child that triangles lying in the split plane go to.
@@ -43,12 +46,14 @@ struct SplitCandidate {
     position: f32,
     planar_side: PlanarSide,
     cost: f32,
+    /// The triangles of both children together.
+    references: u32,
 }
 
 /// Builds a subtree over `triangles`; gives it with the box around them.
 pub(super) fn build(
     triangles: &Triangles<'_>,
-    max_depth: u32,
+    limits: Limits,
     options: &BuildOptions,
 ) -> (Subtree, Aabb) {
     let references = triangles.references();
@@ -59,7 +64,8 @@ pub(super) fn build(
         sweep.writer.leaf(references.iter().map(|r| r.triangle));
     } else {
         sweep.push_root(&references);
-        sweep.recurse(NodeStart::default(), bounds, max_depth);
+        drop(references);
+        sweep.recurse(NodeStart::default(), bounds, limits);
     }
     (sweep.writer.finish(), bounds)
 }
@@ -146,13 +152,15 @@ impl<'a> Sweep<'a> {
     }
 
     /// Builds the node on top of the stacks and removes it.
-    fn recurse(&mut self, start: NodeStart, cell: Aabb, levels: u32) {
+    fn recurse(&mut self, start: NodeStart, cell: Aabb, limits: Limits) {
         let count = self.triangles.len() - start.triangles;
         let leaf_cost = self.options.cost.leaf(count as u32);
-        let split = (levels > 0 && count > self.options.min_split as usize)
+        let split = (count > self.options.min_split as usize)
             .then(|| self.find_split(start, &cell))
             .flatten()
-            .filter(|split| split.cost < leaf_cost);
+            .filter(|split| {
+                split.cost < leaf_cost && limits.allow(count, split.references as usize)
+            });
         let Some(split) = split else {
             self.writer.leaf(self.triangles.drain(start.triangles..));
             for (AxisEvents { stack, .. }, start) in self.axes.iter_mut().zip(start.events) {
@@ -165,17 +173,18 @@ impl<'a> Sweep<'a> {
         let left_start = self.split(start, &split, &[left_cell, right_cell]);
         let left_count = self.triangles.len() - left_start.triangles;
         let right_count = left_start.triangles - start.triangles;
+        let limits = limits.below(1, count, left_count + right_count);
         let inner = self.writer.open_inner(split.axis, split.position);
         if left_count.min(right_count) < PARALLEL_TRIANGLES {
-            self.recurse(left_start, left_cell, levels - 1);
+            self.recurse(left_start, left_cell, limits);
             self.writer.begin_right(inner);
-            self.recurse(start, right_cell, levels - 1);
+            self.recurse(start, right_cell, limits);
         } else {
             let mut left = self.pop(left_start);
             let mut right = self.pop(start);
             rayon::join(
-                || left.recurse(NodeStart::default(), left_cell, levels - 1),
-                || right.recurse(NodeStart::default(), right_cell, levels - 1),
+                || left.recurse(NodeStart::default(), left_cell, limits),
+                || right.recurse(NodeStart::default(), right_cell, limits),
             );
             self.writer.append(&left.writer.finish());
             self.writer.begin_right(inner);
@@ -324,7 +333,7 @@ fn find_split_on_axis(
     let (min, max) = (cell.min[axis], cell.max[axis]);
     let shares = AreaShares::new(cell, axis)?;
     let mut best: Option<SplitCandidate> = None;
-    let mut consider = |position: f32, planar_side, left_count, right_count| {
+    let mut consider = |position: f32, planar_side, left_count: u32, right_count: u32| {
         let left = (shares.of_slab(min, position), left_count);
         let right = (shares.of_slab(position, max), right_count);
         let cost = cost.split(left, right);
@@ -334,6 +343,7 @@ fn find_split_on_axis(
                 position,
                 planar_side,
                 cost,
+                references: left_count + right_count,
             });
         }
     };

@@ -1,0 +1,367 @@
+//! The command line: flags, their defaults, and how they are read.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::error::ErrorKind;
+use clap::{ArgAction, Parser, Subcommand};
+use splitcast::{Builder, NonFinite};
+use splitcast_render::{DEFAULT_FOV_DEGREES, MAX_SIDE, Quality, View};
+
+use crate::error::{self, CliError};
+use crate::{info, render, scenes};
+
+/// Most threads that can be asked for.
+const MAX_THREADS: usize = 1024;
+
+/// Ray traces animated triangle meshes on the CPU, with a kd-tree built anew
+/// for every frame.
+#[derive(Debug, Parser)]
+#[command(name = "splitcast", version, max_term_width = 100)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render an animation to a video or to pictures
+    Render(Box<RenderArgs>),
+    /// List the built-in scenes, or export one as mesh files
+    #[command(args_conflicts_with_subcommands = true)]
+    Scenes(ScenesArgs),
+    /// Tell what an input holds: frames, counts, bounds, motion, topology
+    Info(InfoArgs),
+}
+
+impl Command {
+    /// Does what was asked for.
+    pub(crate) fn run(self) -> Result<(), CliError> {
+        match self {
+            Self::Render(args) => render::run(&args),
+            Self::Scenes(ScenesArgs {
+                command: Some(ScenesCommand::Export { name, folder }),
+                ..
+            }) => scenes::export(&name, &folder),
+            Self::Scenes(args) => scenes::list(args.json),
+            Self::Info(args) => info::run(&args.input, args.json),
+        }
+    }
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct RenderArgs {
+    /// A built-in scene, a mesh file, a folder, a glob or a numbered pattern
+    ///
+    /// Built-in scenes come first (see `splitcast scenes`); write ./horse for a
+    /// file of such a name. Files are .ply, .ply.gz or .obj; quote globs such
+    /// as 'dir/*.ply' and patterns such as dir/frame_%04d.ply.
+    #[arg(value_name = "INPUT")]
+    pub(crate) input: PathBuf,
+
+    /// Where the result goes: film.mp4, film.apng, frame_%04d.png, frame_%04d.exr
+    ///
+    /// A video appears only when whole; until then its finished frames are
+    /// kept in FILE.partial, for --resume. %04d stands for the frame's number;
+    /// a name without it holds a single picture.
+    #[arg(long, short, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+
+    /// Width and height in pixels; MP4 needs even numbers
+    #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = parse_size)]
+    pub(crate) size: (u32, u32),
+
+    /// Samples per pixel [default: 4, 16 or 64, by --quality]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(crate) spp: Option<u32>,
+
+    /// Frames from A up to but not including B, counted from 0 [default: all]
+    ///
+    /// As slices in programming: 0:10 are the first ten frames, 10: all others,
+    /// :10 the same as 0:10, and 7 alone is frame 7. Files and tables keep these
+    /// numbers.
+    #[arg(long, value_name = "A:B", value_parser = parse_frames, allow_negative_numbers = true)]
+    pub(crate) frames: Option<FrameRange>,
+
+    /// Frames per second of the video [default: the input's, or 25]
+    #[arg(long, value_name = "F", allow_negative_numbers = true)]
+    pub(crate) fps: Option<f64>,
+
+    /// Where the camera stands [default: where the whole motion is in view]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub(crate) eye: Option<[f32; 3]>,
+
+    /// What the camera looks at [default: the middle of the motion]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub(crate) look_at: Option<[f32; 3]>,
+
+    /// Which way is up, in the picture and for ground and sky
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,1,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub(crate) up: [f32; 3],
+
+    /// Vertical field of view in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = DEFAULT_FOV_DEGREES, allow_hyphen_values = true)]
+    pub(crate) fov: f32,
+
+    /// How trees are built
+    #[arg(long, value_name = "NAME", default_value = Builder::default().name(), value_parser = builder_parser())]
+    pub(crate) builder: Builder,
+
+    /// Worker threads [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = parse_threads, allow_negative_numbers = true)]
+    pub(crate) threads: Option<NonZeroUsize>,
+
+    /// How much light is traced
+    #[arg(long, value_name = "NAME", default_value = Quality::default().name(), value_parser = quality_parser())]
+    pub(crate) quality: Quality,
+
+    /// What is shown: the scene, or what the tree does
+    #[arg(long, value_name = "NAME", default_value = View::default().name(), value_parser = view_parser())]
+    pub(crate) view: View,
+
+    /// Brightness in photographic stops: 1 doubles it, -1 halves it
+    #[arg(
+        long,
+        value_name = "STOPS",
+        default_value_t = 0.0,
+        allow_hyphen_values = true
+    )]
+    pub(crate) exposure: f32,
+
+    /// Round off the facets [default]
+    #[arg(long, overrides_with = "flat")]
+    pub(crate) smooth: bool,
+
+    /// Show every triangle as a facet
+    #[arg(long)]
+    pub(crate) flat: bool,
+
+    /// Whether a ground catches the shadow: on or off
+    #[arg(long, value_name = "ON|OFF", default_value = "on", action = ArgAction::Set, value_parser = on_off_parser())]
+    pub(crate) ground: bool,
+
+    /// What to do about vertices at NaN or infinity: reject the input, or skip their triangles
+    #[arg(long, value_name = "WHAT", default_value = "reject", value_parser = non_finite_parser())]
+    pub(crate) non_finite: NonFinite,
+
+    /// Keep the frames that an interrupted run finished with the same settings
+    #[arg(long)]
+    pub(crate) resume: bool,
+
+    /// Write times and tree figures of every frame to this file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct ScenesArgs {
+    #[command(subcommand)]
+    command: Option<ScenesCommand>,
+
+    /// Print an object whose `scenes` is a list
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum ScenesCommand {
+    /// Write a built-in scene as one binary PLY file a frame
+    Export {
+        /// Name of the scene
+        name: String,
+        /// Folder for the files; made if it does not exist
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct InfoArgs {
+    /// A built-in scene, a mesh file, a folder, a glob or a numbered pattern
+    #[arg(value_name = "INPUT")]
+    input: PathBuf,
+
+    /// Print one object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// Frames `start..end`; without an end, all from `start` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FrameRange {
+    pub(crate) start: usize,
+    pub(crate) end: Option<usize>,
+}
+
+/// Reads the command line. Help and version are printed here, and so is what
+/// is wrong with the command line, on one line.
+pub(crate) fn parse() -> Result<Command, ExitCode> {
+    let error = match Cli::try_parse() {
+        Ok(cli) => return Ok(cli.command),
+        Err(error) => error,
+    };
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            // Printing only fails if nobody is there to read.
+            let _ = error.print();
+            Err(ExitCode::SUCCESS)
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand | ErrorKind::MissingSubcommand => {
+            error::report("no command given: try splitcast --help");
+            Err(ExitCode::from(error::USAGE))
+        }
+        _ => {
+            error::report(&first_paragraph(&error.to_string()));
+            Err(ExitCode::from(error::USAGE))
+        }
+    }
+}
+
+/// What clap found wrong, without the usage that it adds below.
+fn first_paragraph(message: &str) -> String {
+    let lines = message.lines().map(str::trim);
+    let told: Vec<&str> = lines
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
+        .filter(|line| !line.is_empty())
+        .collect();
+    let told = told.join(" ");
+    let told = told.strip_prefix("error: ").unwrap_or(&told);
+    format!("{} (see --help)", told.trim_end_matches('.'))
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once(['x', 'X']);
+    let sides = sides.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match sides {
+        Some((width, height))
+            if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) =>
+        {
+            Ok((width, height))
+        }
+        Some(_) => Err(format!("each side must be from 1 to {MAX_SIDE} pixels")),
+        None => Err("write width and height in pixels, such as 960x540".to_owned()),
+    }
+}
+
+fn parse_frames(text: &str) -> Result<FrameRange, String> {
+    let hint = "write A:B with frame numbers from 0, such as 0:10, 10: or :10";
+    let number = |text: &str| text.parse::<usize>().map_err(|_| hint.to_owned());
+    let range = match text.split_once(':') {
+        None => {
+            let start = number(text)?;
+            FrameRange {
+                start,
+                end: Some(start.saturating_add(1)),
+            }
+        }
+        Some((start, end)) => FrameRange {
+            start: if start.is_empty() { 0 } else { number(start)? },
+            end: if end.is_empty() {
+                None
+            } else {
+                Some(number(end)?)
+            },
+        },
+    };
+    match range.end {
+        Some(end) if end <= range.start => Err(format!(
+            "the range holds no frame: B is not included and must be above A, such as {}:{}",
+            range.start,
+            range.start.saturating_add(1)
+        )),
+        _ => Ok(range),
+    }
+}
+
+fn parse_vector(text: &str) -> Result<[f32; 3], String> {
+    let parts: Option<Vec<f32>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok())
+        .collect();
+    parts
+        .and_then(|parts| <[f32; 3]>::try_from(parts).ok())
+        .ok_or_else(|| "write three numbers, such as 1.5,0,-2".to_owned())
+}
+
+fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse::<NonZeroUsize>()
+        .ok()
+        .filter(|threads| threads.get() <= MAX_THREADS)
+        .ok_or_else(|| format!("expected a number from 1 to {MAX_THREADS}"))
+}
+
+fn builder_parser() -> impl TypedValueParser<Value = Builder> {
+    PossibleValuesParser::new(Builder::ALL.iter().map(|builder| builder.name()))
+        .try_map(|name| name.parse())
+}
+
+fn quality_parser() -> impl TypedValueParser<Value = Quality> {
+    PossibleValuesParser::new(Quality::ALL.iter().map(|quality| quality.name()))
+        .try_map(|name| name.parse())
+}
+
+fn view_parser() -> impl TypedValueParser<Value = View> {
+    PossibleValuesParser::new(View::ALL.iter().map(|view| view.name())).try_map(|name| name.parse())
+}
+
+fn on_off_parser() -> impl TypedValueParser<Value = bool> {
+    PossibleValuesParser::new(["on", "off"]).map(|name| name == "on")
+}
+
+fn non_finite_parser() -> impl TypedValueParser<Value = NonFinite> {
+    PossibleValuesParser::new(["reject", "skip"]).map(|name| {
+        if name == "skip" {
+            NonFinite::Skip
+        } else {
+            NonFinite::Reject
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn ranges_are_half_open() {
+        let range = |start, end| Ok(FrameRange { start, end });
+        assert_eq!(parse_frames("2:5"), range(2, Some(5)));
+        assert_eq!(parse_frames(":5"), range(0, Some(5)));
+        assert_eq!(parse_frames("2:"), range(2, None));
+        assert_eq!(parse_frames(":"), range(0, None));
+        assert_eq!(parse_frames("7"), range(7, Some(8)));
+        for bad in ["", "a", "5:2", "3:3", "-1:2", "1:2:3", "1.5", ":0"] {
+            assert!(parse_frames(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_and_vectors() {
+        assert_eq!(parse_size("64x36"), Ok((64, 36)));
+        assert_eq!(parse_vector("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
+        for bad in [
+            "0x0",
+            "64",
+            "64x",
+            "x36",
+            "-1x2",
+            "65536x1",
+            "1x1x1",
+            "99999999999x2",
+        ] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+        for bad in ["1,2", "1,2,3,4", "a,b,c", ""] {
+            assert!(parse_vector(bad).is_err(), "{bad}");
+        }
+    }
+}

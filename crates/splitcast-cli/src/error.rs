@@ -1,0 +1,101 @@
+//! One line on standard error and an exit code for everything that goes wrong.
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use splitcast_render::{OutputError, RenderError};
+use splitcast_scene::SceneError;
+
+/// Exit code when the work could not be done.
+const FAILURE: u8 = 1;
+/// Exit code when what was asked for makes no sense, so that asking again is
+/// no use.
+pub(crate) const USAGE: u8 = 2;
+
+/// Why a command ended early.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    /// Flags that do not fit each other or the input.
+    #[error("{0}")]
+    Usage(String),
+    /// A bare name that is neither a scene nor a file.
+    #[error("{}: no such built-in scene, file or folder; the scenes are: {scenes}", input.display())]
+    Missing { input: PathBuf, scenes: String },
+    /// A frame of the input cannot be rendered.
+    #[error("frame {index} ({place}): {reason}")]
+    Frame {
+        index: usize,
+        /// The frame's file, or the scene's name.
+        place: String,
+        reason: String,
+    },
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A file of the command's own, such as the one of `--json`.
+    #[error("{}: {source}", path.display())]
+    File { path: PathBuf, source: io::Error },
+    #[error("the {0} threads could not be started: choose fewer with --threads")]
+    Threads(usize),
+    /// Standard output or standard error.
+    #[error("standard output: {0}")]
+    Stdout(#[from] io::Error),
+}
+
+impl CliError {
+    fn exit_code(&self) -> u8 {
+        let usage = match self {
+            Self::Usage(_) => true,
+            Self::Scene(error) => matches!(
+                error,
+                SceneError::FrameOutOfRange { .. }
+                    | SceneError::UnknownExtension { .. }
+                    | SceneError::BadPattern { .. }
+            ),
+            // Options, camera and views come from the flags alone.
+            Self::Render(error) => !matches!(
+                error,
+                RenderError::FrameMismatch { .. } | RenderError::AttributeLength { .. }
+            ),
+            Self::Output(error) => error.is_usage(),
+            _ => false,
+        };
+        if usage { USAGE } else { FAILURE }
+    }
+}
+
+/// Reports what went wrong, if anything, and gives the code to exit with.
+pub(crate) fn exit(result: Result<(), CliError>) -> ExitCode {
+    let Err(error) = result else {
+        return ExitCode::SUCCESS;
+    };
+    // Whoever closed the pipe, such as `head`, has seen enough.
+    if matches!(&error, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe) {
+        return ExitCode::SUCCESS;
+    }
+    report(&error.to_string());
+    ExitCode::from(error.exit_code())
+}
+
+/// Prints `error: …` on one line, whatever a file's name holds.
+pub(crate) fn report(message: &str) {
+    print_line("error", message);
+}
+
+/// Prints `warning: …` on one line.
+pub(crate) fn warn(message: &str) {
+    print_line("warning", message);
+}
+
+fn print_line(kind: &str, message: &str) {
+    let line: String = message
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
+    // Nobody is left to tell if standard error is closed.
+    let _ = io::Write::write_fmt(&mut io::stderr(), format_args!("{kind}: {line}\n"));
+}

@@ -1,0 +1,351 @@
+//! `splitcast render`: read, build, trace and write, each frame in turn.
+//!
+//! Three threads work at the same time: one reads ahead, this one builds and
+//! traces with all workers of the pool, and one encodes and writes.
+
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::Path;
+use std::time::Instant;
+
+use splitcast::{Aabb, BuildOptions, KdTree, Mesh, NonFinite};
+use splitcast_render::{
+    Camera, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer, Resumed,
+    Settings, Shading, check_writable,
+};
+use splitcast_scene::{Frame, FrameSource, Prefetch, SceneError, SequenceInfo};
+
+use crate::args::{FrameRange, RenderArgs};
+use crate::error::{CliError, warn};
+use crate::fingerprint::Fingerprint;
+use crate::input::Input;
+use crate::progress::Progress;
+use crate::report::{FrameReport, Report, milliseconds};
+use crate::summary::{count, figure, megarays, summary};
+
+/// Renders what the arguments ask for.
+pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
+    let started = Instant::now();
+    // What can be refused at once comes first, what takes time or memory last.
+    let spec = OutputSpec::parse(&args.out)?;
+    let options = render_options(args);
+    options.validate()?;
+    if let Some(json) = &args.json {
+        check_writable(json)?;
+    }
+    // Built-in scenes are made by the workers too, so these have to stand first.
+    let threads = start_threads(args)?;
+    let mut input = Input::open(&args.input)?;
+    let frames = frame_range(args.frames, input.source.as_ref())?;
+    let mut output = OutputOptions {
+        width: options.width,
+        height: options.height,
+        frames_per_second: args
+            .fps
+            .unwrap_or(f64::from(input.source.frames_per_second())),
+        frames: frames.clone(),
+        threads,
+        resume: args.resume,
+        settings: Settings::new(),
+    };
+    spec.check(&output)?;
+    check_writable(&spec.frame_path(frames.start))?;
+
+    let (info, content) = measure(input.source.as_mut())?;
+    let build = BuildOptions {
+        builder: args.builder,
+        non_finite: args.non_finite,
+        ..BuildOptions::default()
+    };
+    refuse_non_finite(&mut input, &info, &frames, &build)?;
+    let bounds = info.bounds.map_or(Aabb::EMPTY, |bounds| Aabb {
+        min: bounds.min,
+        max: bounds.max,
+    });
+    let view = perspective(args, &bounds)?;
+    let renderer = Renderer::new(Camera::new(&view)?, &bounds, options)?;
+    output.settings = settings(args, &view, renderer.options(), &info.name, &content);
+
+    let sink = spec.open(output.clone())?;
+    let resumed = sink.resumed().clone();
+    tell_resumed(&args.out, args.resume, &resumed);
+    let name = info.name.clone();
+    let todo: Vec<usize> = frames.filter(|&index| !sink.is_done(index)).collect();
+    let mut writer = OutputThread::new(sink);
+    let mut progress = Progress::new("rendering", todo.len());
+    let mut reports = Vec::with_capacity(todo.len());
+    let place = |index| input.place(index);
+    let places: Vec<String> = todo.iter().map(|&index| place(index)).collect();
+    for (item, place) in Prefetch::new(input.source, todo).zip(places) {
+        let (index, frame) = item?;
+        let report = render_frame(&renderer, &build, &mut writer, index, &frame, place)?;
+        progress.step(&progress_message(&report));
+        reports.push(report);
+    }
+    progress.finish();
+    writer.finish()?;
+
+    let report = Report {
+        input: name,
+        out: args.out.display().to_string(),
+        version: env!("CARGO_PKG_VERSION"),
+        builder: args.builder.name(),
+        view: args.view.name(),
+        quality: args.quality.name(),
+        threads,
+        width: output.width,
+        height: output.height,
+        samples_per_pixel: renderer.options().effective_samples_per_pixel(),
+        frames_per_second: output.frames_per_second,
+        wall_ms: milliseconds(started.elapsed()),
+        resumed_frames: resumed.whole,
+        frames: reports,
+    };
+    if let Some(json) = &args.json {
+        report.write(json)?;
+    }
+    Ok(io::stdout().lock().write_all(summary(&report).as_bytes())?)
+}
+
+fn render_options(args: &RenderArgs) -> RenderOptions {
+    RenderOptions {
+        width: args.size.0,
+        height: args.size.1,
+        samples_per_pixel: args.spp,
+        quality: args.quality,
+        view: args.view,
+        shading: if args.flat {
+            Shading::Flat
+        } else {
+            Shading::Smooth
+        },
+        ground: args.ground,
+        up: args.up,
+        exposure: args.exposure,
+        ..RenderOptions::default()
+    }
+}
+
+/// The frames asked for, or all; a range that ends behind the last frame is
+/// refused rather than cut, since the film would be shorter than expected.
+fn frame_range(
+    range: Option<FrameRange>,
+    source: &dyn FrameSource,
+) -> Result<Range<usize>, CliError> {
+    let count = source.frame_count();
+    let Some(range) = range else {
+        return Ok(0..count);
+    };
+    let end = range.end.unwrap_or(count);
+    if range.start < end && end <= count {
+        return Ok(range.start..end);
+    }
+    Err(CliError::Usage(format!(
+        "--frames {}:{} is out of range: {} has {count} frames, so the largest range is 0:{count}",
+        range.start,
+        range.end.map_or(String::new(), |end| end.to_string()),
+        source.name(),
+    )))
+}
+
+/// Starts the workers that build and trace, and gives their number.
+fn start_threads(args: &RenderArgs) -> Result<usize, CliError> {
+    let threads = args
+        .threads
+        .or_else(|| std::thread::available_parallelism().ok())
+        .map_or(1, usize::from);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|_| CliError::Threads(threads))?;
+    Ok(threads)
+}
+
+/// Goes through the whole input once: camera and ground have to suit every
+/// frame, also when only some are rendered.
+fn measure(source: &mut dyn FrameSource) -> Result<(SequenceInfo, String), CliError> {
+    let mut watched = Watched {
+        progress: Progress::new("measuring", source.frame_count()),
+        fingerprint: Fingerprint::new(),
+        source,
+    };
+    let info = SequenceInfo::measure(&mut watched)?;
+    Ok((info, watched.fingerprint.digits()))
+}
+
+/// Lets frames through and takes note of each.
+struct Watched<'s> {
+    source: &'s mut dyn FrameSource,
+    progress: Progress,
+    fingerprint: Fingerprint,
+}
+
+impl FrameSource for Watched<'_> {
+    fn name(&self) -> &str {
+        self.source.name()
+    }
+
+    fn frame_count(&self) -> usize {
+        self.source.frame_count()
+    }
+
+    fn frames_per_second(&self) -> f32 {
+        self.source.frames_per_second()
+    }
+
+    fn is_periodic(&self) -> bool {
+        self.source.is_periodic()
+    }
+
+    fn frame(&mut self, index: usize) -> Result<Frame, SceneError> {
+        let frame = self.source.frame(index)?;
+        self.fingerprint.add(&frame);
+        self.progress.step("");
+        Ok(frame)
+    }
+}
+
+/// Finds the first frame that cannot be built because of its vertices, before
+/// the frames in front of it are rendered in vain.
+fn refuse_non_finite(
+    input: &mut Input,
+    info: &SequenceInfo,
+    frames: &Range<usize>,
+    build: &BuildOptions,
+) -> Result<(), CliError> {
+    if build.non_finite == NonFinite::Skip {
+        return Ok(());
+    }
+    for index in frames.clone() {
+        if info.frames[index].non_finite > 0 {
+            let frame = input.source.frame(index)?;
+            build_tree(&frame, build, index, &input.place(index))?;
+        }
+    }
+    Ok(())
+}
+
+fn perspective(args: &RenderArgs, bounds: &Aabb) -> Result<Perspective, CliError> {
+    let aspect = args.size.0 as f32 / args.size.1 as f32;
+    let framing = Perspective::framing(bounds, args.up, aspect, args.fov)?;
+    Ok(Perspective {
+        eye: args.eye.unwrap_or(framing.eye),
+        look_at: args.look_at.unwrap_or(framing.look_at),
+        ..framing
+    })
+}
+
+/// Everything that a frame's pixels depend on.
+fn settings(
+    args: &RenderArgs,
+    view: &Perspective,
+    options: &RenderOptions,
+    name: &str,
+    content: &str,
+) -> Settings {
+    let vector = |[x, y, z]: [f32; 3]| format!("{x},{y},{z}");
+    Settings::new()
+        .with("version", env!("CARGO_PKG_VERSION"))
+        .with("input", name)
+        .with("size", format!("{}x{}", options.width, options.height))
+        .with("spp", options.effective_samples_per_pixel())
+        .with("quality", options.quality)
+        .with("view", options.view)
+        .with("shading", options.shading)
+        .with("ground", if options.ground { "on" } else { "off" })
+        .with("exposure", options.exposure)
+        .with("builder", args.builder)
+        .with(
+            "non-finite",
+            if args.non_finite == NonFinite::Skip {
+                "skip"
+            } else {
+                "reject"
+            },
+        )
+        .with("input's content", content)
+        .with("eye", vector(view.eye))
+        .with("look-at", vector(view.look_at))
+        .with("up", vector(view.up))
+        .with("fov", view.vertical_fov_degrees)
+}
+
+fn tell_resumed(out: &Path, resume: bool, resumed: &Resumed) {
+    if !resume {
+        return;
+    }
+    if let Some(difference) = &resumed.difference {
+        warn(&format!(
+            "{}: {} of the earlier run not kept: {difference}",
+            out.display(),
+            count(resumed.stale, "frame"),
+        ));
+    } else if resumed.whole.is_empty() {
+        warn(&format!(
+            "{}: nothing to resume, every frame is rendered",
+            out.display()
+        ));
+    }
+}
+
+fn render_frame(
+    renderer: &Renderer,
+    build: &BuildOptions,
+    writer: &mut OutputThread,
+    index: usize,
+    frame: &Frame,
+    place: String,
+) -> Result<FrameReport, CliError> {
+    let started = Instant::now();
+    let tree = build_tree(frame, build, index, &place)?;
+    let built = Instant::now();
+    let (image, stats) = renderer.render(&tree, frame)?;
+    let traced = Instant::now();
+    writer.write(index, image)?;
+    let tree_stats = tree.stats();
+    Ok(FrameReport {
+        frame: index,
+        triangles: frame.triangles.len(),
+        skipped_triangles: tree.skipped_triangles(),
+        build_ms: milliseconds(built - started),
+        trace_ms: milliseconds(traced - built),
+        rays: stats.rays,
+        nodes: tree_stats.nodes,
+        references: tree_stats.references,
+        sah_cost: tree_stats.sah_cost,
+        bytes: tree_stats.bytes,
+    })
+}
+
+fn build_tree<'f>(
+    frame: &'f Frame,
+    options: &BuildOptions,
+    index: usize,
+    place: &str,
+) -> Result<KdTree<'f>, CliError> {
+    let failed = |reason: String| CliError::Frame {
+        index,
+        place: place.to_owned(),
+        reason,
+    };
+    let mesh =
+        Mesh::new(&frame.positions, &frame.triangles).map_err(|error| failed(error.to_string()))?;
+    KdTree::build(mesh, options).map_err(|error| {
+        let remedy = if matches!(error, splitcast::BuildError::NonFinite { .. }) {
+            "; use --non-finite skip"
+        } else {
+            ""
+        };
+        failed(format!("{error}{remedy}"))
+    })
+}
+
+fn progress_message(report: &FrameReport) -> String {
+    format!(
+        "frame {}, build {} ms, trace {} ms, {} M rays/s",
+        report.frame,
+        figure(report.build_ms),
+        figure(report.trace_ms),
+        figure(megarays(report))
+    )
+}

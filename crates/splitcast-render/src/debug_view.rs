@@ -71,7 +71,8 @@ pub(crate) fn split_line(
         .enumerate()
         .find(|&(level, (axis, position))| {
             let to_plane = (point[axis] - position).abs();
-            let per_pixel = steps[0][axis].hypot(steps[1][axis]);
+            let [right, down] = steps.map(|step| step[axis]);
+            let per_pixel = (right * right + down * down).sqrt();
             let width = ROOT_LINE * LINE_RATIO.powi(level as i32);
             let width = width.max(THINNEST_LINE) * (rows as f32 / ROWS_OF_WIDTHS).max(0.5);
             to_plane < 0.5 * width * per_pixel

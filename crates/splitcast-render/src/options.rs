@@ -195,7 +195,7 @@ impl Default for RenderOptions {
             sun: None,
             exposure: 0.0,
             split_levels: 8,
-            steps_scale: 80,
+            steps_scale: 60,
             seed: 0,
         }
     }

@@ -159,10 +159,10 @@ impl<'s> Tracer<'s> {
         } else {
             match self.meet(&ray) {
                 Met::Nothing => (Vec3::ZERO, 1.0),
-                Met::Ground(point) => (
-                    self.shadow_on_ground(point, points.point(sample, dimension + 2)),
-                    1.0,
-                ),
+                Met::Ground(point) => {
+                    let on_sun = points.point(sample, dimension + 2);
+                    self.beside_open_ground(point, on_sun)
+                }
                 Met::Mesh(surface) => {
                     let there = if left > 1 {
                         let arriving = self.gather(
@@ -206,15 +206,17 @@ impl<'s> Tracer<'s> {
         }
     }
 
-    /// What the mesh's shadow takes from the light of open ground.
-    fn shadow_on_ground(&mut self, point: Vec3, on_sun: Vec2) -> Vec3 {
+    /// What the mesh's shadow takes from the light of open ground at `point`,
+    /// and how open that ground is.
+    fn beside_open_ground(&mut self, point: Vec3, on_sun: Vec2) -> (Vec3, f32) {
         let sky = &self.surroundings.sky;
         let to_sun = sky.sun_direction(on_sun);
         self.rays += 1;
         if self.tree().occluded(&Ray::new(point.into(), to_sun.into())) {
-            -ground::ALBEDO * sky.sun_light() * sky.sun().dot(sky.up())
+            let taken = ground::ALBEDO * sky.sun_light() * sky.sun().dot(sky.up());
+            (-taken, 0.0)
         } else {
-            Vec3::ZERO
+            (Vec3::ZERO, 1.0)
         }
     }
 

@@ -130,7 +130,7 @@ pub(crate) struct RenderArgs {
     )]
     pub(crate) exposure: f32,
 
-    /// Round off the facets [default]
+    /// Round off the facets (the default)
     #[arg(long, overrides_with = "flat")]
     pub(crate) smooth: bool,
 

@@ -49,21 +49,24 @@ impl Progress {
         let left = self.started.elapsed() / self.done as u32
             * (self.total - self.done.min(self.total)) as u32;
         let left = clock(left);
-        let separator = if message.is_empty() { "" } else { ", " };
+        let quiet = message.is_empty();
+        // The time first: a narrow terminal cuts the end off.
+        let message = if quiet {
+            format!("{left} left")
+        } else {
+            format!("{left} left, {message}")
+        };
         match &self.bar {
             Some(bar) => {
-                bar.set_message(format!("{message}{separator}{left} left"));
+                bar.set_message(message);
                 bar.inc(1);
             }
-            None if message.is_empty() && self.told.elapsed() < QUIET => {}
+            None if quiet && self.told.elapsed() < QUIET => {}
             None => {
                 self.told = Instant::now();
                 let (what, done, total) = (self.what, self.done, self.total);
                 // Nobody is left to tell if standard error is closed.
-                let _ = writeln!(
-                    io::stderr().lock(),
-                    "{what} {done}/{total}: {message}{separator}{left} left"
-                );
+                let _ = writeln!(io::stderr().lock(), "{what} {done}/{total}: {message}");
             }
         }
     }

@@ -231,7 +231,9 @@ fn the_report_holds_every_frame() {
         assert!(outcome.stdout.contains(word), "{word}: {}", outcome.stdout);
     }
     assert!(
-        outcome.stderr.contains("rendering 2/2: frame 2, build"),
+        outcome
+            .stderr
+            .contains("rendering 2/2: 0:00 left, frame 2, build"),
         "{}",
         outcome.stderr
     );

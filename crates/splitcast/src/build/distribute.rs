@@ -1,28 +1,24 @@
 //! Sorts all triangles into the leaves of a tree whose planes are known.
 //!
-//! Neighbours in a mesh's order are mostly neighbours in space, so triangles
-//! go down the tree in small groups. While the box around a group lies on one
-//! side of the planes, a step costs two comparisons for all of them; from the
-//! first plane that cuts the box on, the group's members are divided one by
-//! one, without branches.
+//! Eight triangles at a time go down the tree like a packet of rays: a node
+//! compares all their boxes with its plane at once. Neighbours in a mesh's order
+//! are mostly neighbours in space, so a packet meets few nodes more than one
+//! triangle would. What straddles a plane is cut by it, as in
+//! [`divide`](super::straddlers::divide).
 
-use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x8, mask32x8};
 use rayon::prelude::*;
 
-use super::references::bounds_of_lanes;
-use super::straddlers::{divide, sort_by_side};
+use super::straddlers::{Corners, Cut, LANES, Lanes, load_corners};
 use super::{Reference, Subtree, Triangles};
 use crate::Aabb;
 use crate::kd_tree::{Node, NodeKind};
 use crate::simd::{Kernel, dispatch};
 
-/// Triangles that go down together. The box around more would be cut by planes
-/// earlier, fewer would leave more runs to gather.
-const GROUP: usize = 64;
-
-/// Groups that one task takes down: enough to pay for the task, few enough
+/// Triangles that one task takes down: enough to pay for the task, few enough
 /// that sixteen threads share a mesh of 20,000 triangles evenly.
-const GROUPS_PER_TASK: usize = 16;
+const BATCH: usize = 1024;
 
 /// The triangles of each leaf of a tree, in the order of the mesh.
 pub(super) struct Buckets {
@@ -33,10 +29,10 @@ pub(super) struct Buckets {
     starts: Vec<u32>,
 }
 
-/// What one task sorted: for each group and bucket it meets, a run of references.
+/// What one task sorted.
 struct Batch {
     references: Vec<Reference>,
-    /// Bucket, first, count.
+    /// Runs of references in the same bucket: bucket, first, count.
     runs: Vec<(u32, u32, u32)>,
     bounds: Aabb,
 }
@@ -44,18 +40,17 @@ struct Batch {
 /// Sorts all triangles into the leaves of `top`.
 pub(super) fn distribute(triangles: &Triangles<'_>, top: &Subtree) -> Buckets {
     let leaf_numbers = number_leaves(top);
-    let buckets = top.nodes().len().div_ceil(2); // A binary tree has one leaf more than inner nodes.
-    let task = GROUP * GROUPS_PER_TASK;
-    let batches: Vec<Batch> = (0..triangles.len().div_ceil(task))
+    // A binary tree has one leaf more than inner nodes.
+    let buckets = top.nodes().len().div_ceil(2);
+    let batches: Vec<Batch> = (0..triangles.len().div_ceil(BATCH))
         .into_par_iter()
-        .map_init(Scratch::default, |scratch, number| {
+        .map(|number| {
             dispatch(BatchDescent {
                 triangles,
-                first: number * task,
-                last: triangles.len().min((number + 1) * task),
+                first: number * BATCH,
+                last: triangles.len().min((number + 1) * BATCH),
                 nodes: top.nodes(),
                 leaf_numbers: &leaf_numbers,
-                scratch,
             })
         })
         .collect();
@@ -108,6 +103,44 @@ impl Buckets {
     }
 }
 
+impl Batch {
+    /// Appends the marked triangles of a packet to a bucket.
+    #[inline(always)]
+    fn push<S: Simd>(
+        &mut self,
+        bucket: u32,
+        numbers: &[u32; LANES],
+        boxes: &Boxes<S>,
+        mut active: u64,
+    ) {
+        let first = self.references.len() as u32;
+        let min: [Lanes; 3] = [
+            boxes.min[0].into(),
+            boxes.min[1].into(),
+            boxes.min[2].into(),
+        ];
+        let max: [Lanes; 3] = [
+            boxes.max[0].into(),
+            boxes.max[1].into(),
+            boxes.max[2].into(),
+        ];
+        let count = active.count_ones();
+        while active != 0 {
+            let lane = active.trailing_zeros() as usize;
+            active &= active - 1;
+            self.references.push(Reference::new(
+                [min[0][lane], min[1][lane], min[2][lane]],
+                [max[0][lane], max[1][lane], max[2][lane]],
+                numbers[lane],
+            ));
+        }
+        match self.runs.last_mut() {
+            Some(last) if last.0 == bucket => last.2 += count,
+            _ => self.runs.push((bucket, first, count)),
+        }
+    }
+}
+
 /// For each node of `top` that is a leaf, its number among the leaves.
 fn number_leaves(top: &Subtree) -> Vec<u32> {
     top.nodes()
@@ -120,157 +153,192 @@ fn number_leaves(top: &Subtree) -> Vec<u32> {
         .collect()
 }
 
-/// Working memory of a task.
-#[derive(Default)]
-struct Scratch {
-    members: Vec<Reference>,
-    indices: Vec<u16>,
-    straddlers: Vec<u16>,
-    wholes: Vec<Reference>,
-    /// Right children still to be visited: node, start, count.
-    right_children: Vec<(usize, usize, usize)>,
+/// The boxes of a packet of triangles, by axis.
+#[derive(Clone, Copy)]
+struct Boxes<S: Simd> {
+    min: [f32x8<S>; 3],
+    max: [f32x8<S>; 3],
 }
 
-/// Takes the groups of one batch down the tree.
+/// A packet with a node still to be visited.
+struct Pending<S: Simd> {
+    node: usize,
+    /// A bit for each triangle that reaches the node.
+    active: u64,
+    boxes: Boxes<S>,
+}
+
+/// Takes the packets of one batch down the tree.
 struct BatchDescent<'a, 'm> {
     triangles: &'a Triangles<'m>,
     first: usize,
     last: usize,
     nodes: &'a [Node],
     leaf_numbers: &'a [u32],
-    scratch: &'a mut Scratch,
 }
 
 impl Kernel for BatchDescent<'_, '_> {
     type Output = Batch;
 
     #[inline(always)]
-    fn run<S: Simd>(mut self, simd: S) -> Batch {
+    fn run<S: Simd>(self, simd: S) -> Batch {
         let mut batch = Batch {
-            // Few triangles of a group meet more than one bucket.
+            // Few triangles meet more than one bucket.
             references: Vec::with_capacity((self.last - self.first) * 3 / 2),
-            runs: Vec::with_capacity(4 * GROUPS_PER_TASK),
+            runs: Vec::with_capacity(BATCH / 8),
             bounds: Aabb::EMPTY,
         };
-        for first in (self.first..self.last).step_by(GROUP) {
-            let members = &mut self.scratch.members;
-            members.clear();
-            let places = first..self.last.min(first + GROUP);
-            members.extend(places.map(|place| self.triangles.reference(place)));
-            let bounds = bounds_of_lanes(simd, members);
-            batch.bounds = batch.bounds.union(&bounds);
-            let entry = enter(self.nodes, &bounds);
-            self.descend(simd, entry, &mut batch);
+        let mut bounds = Boxes {
+            min: [f32x8::splat(simd, f32::INFINITY); 3],
+            max: [f32x8::splat(simd, f32::NEG_INFINITY); 3],
+        };
+        let mut pending: Vec<Pending<S>> = Vec::new();
+        for first in (self.first..self.last).step_by(LANES) {
+            let count = (self.last - first).min(LANES);
+            let (numbers, corners) = self.load(first, count);
+            let corners = load_corners(simd, &corners);
+            let mut boxes = bounds;
+            for k in 0..3 {
+                let (a, b, c) = (corners[0][k], corners[1][k], corners[2][k]);
+                boxes.min[k] = a.min(b).min(c);
+                boxes.max[k] = a.max(b).max(c);
+                bounds.min[k] = bounds.min[k].min(boxes.min[k]);
+                bounds.max[k] = bounds.max[k].max(boxes.max[k]);
+            }
+            let active = (1 << count) - 1;
+            self.descend(
+                simd,
+                active,
+                boxes,
+                &corners,
+                &mut pending,
+                |bucket, active, boxes| {
+                    batch.push(bucket, &numbers, boxes, active);
+                },
+            );
+        }
+        for k in 0..3 {
+            let (min, max): (Lanes, Lanes) = (bounds.min[k].into(), bounds.max[k].into());
+            // Adding 0 turns -0 into 0: which of the two a minimum gives depends on the
+            // instruction set.
+            batch.bounds.min[k] = min.into_iter().fold(f32::INFINITY, f32::min) + 0.0;
+            batch.bounds.max[k] = max.into_iter().fold(f32::NEG_INFINITY, f32::max) + 0.0;
         }
         batch
     }
 }
 
 impl BatchDescent<'_, '_> {
-    /// Takes the group in `scratch` down from `node`. As in
-    /// [`BinnedSubtree`](super::binned_subtree), a node's right side stays in
-    /// place and its left side goes behind it.
+    /// Indices and corners (by corner, axis and lane) of a packet of `count`
+    /// triangles; the lanes behind repeat the last.
     #[inline(always)]
-    fn descend<S: Simd>(&mut self, simd: S, entry: usize, batch: &mut Batch) {
-        let Scratch {
-            members,
-            indices,
-            straddlers,
-            wholes,
-            right_children,
-        } = &mut *self.scratch;
-        indices.clear();
-        indices.extend(0..members.len() as u16);
-        let (mut node, mut start, mut count) = (entry, 0, members.len());
+    fn load(&self, first: usize, count: usize) -> ([u32; LANES], [[Lanes; 3]; 3]) {
+        let mut numbers = [0; LANES];
+        let mut corners = [[[0.0; LANES]; 3]; 3];
+        for lane in 0..LANES {
+            let number = self.triangles.triangle(first + lane.min(count - 1));
+            numbers[lane] = number;
+            let [a, b, c] = self.triangles.mesh().corners(number);
+            for k in 0..3 {
+                corners[0][k][lane] = a[k];
+                corners[1][k][lane] = b[k];
+                corners[2][k][lane] = c[k];
+            }
+        }
+        (numbers, corners)
+    }
+
+    /// Takes a packet down the tree: calls `arrive` for each leaf it reaches.
+    #[inline(always)]
+    fn descend<S: Simd>(
+        &self,
+        simd: S,
+        active: u64,
+        boxes: Boxes<S>,
+        corners: &Corners<S>,
+        pending: &mut Vec<Pending<S>>,
+        mut arrive: impl FnMut(u32, u64, &Boxes<S>),
+    ) {
+        let (mut node, mut active, mut boxes) = (0, active, boxes);
         loop {
             match self.nodes[node].kind() {
                 NodeKind::Inner {
                     axis,
                     position,
                     right: right_node,
-                } if count > 0 => {
-                    let end = start + count;
-                    if indices.len() < end + count {
-                        indices.resize(end + count, 0);
+                } => {
+                    let begins_left = boxes.min[axis].simd_lt(position).to_bitmask();
+                    let ends_right = boxes.max[axis].simd_gt(position).to_bitmask();
+                    let straddling = active & begins_left & ends_right;
+                    let mut left = active & !ends_right;
+                    let mut right = active & ends_right & !begins_left;
+                    let mut right_boxes = boxes;
+                    if straddling != 0 {
+                        let parts = cut(simd, &boxes, corners, axis, position, straddling);
+                        (boxes, right_boxes) = parts;
+                        left |= straddling & !empty(&boxes);
+                        right |= straddling & !empty(&right_boxes);
                     }
-                    if straddlers.len() < count {
-                        straddlers.resize(count, 0);
+                    if left != 0 {
+                        if right != 0 {
+                            pending.push(Pending {
+                                node: right_node,
+                                active: right,
+                                boxes: right_boxes,
+                            });
+                        }
+                        (node, active) = (node + 1, left);
+                        continue;
+                    } else if right != 0 {
+                        (node, active, boxes) = (right_node, right, right_boxes);
+                        continue;
                     }
-                    let (own, behind) = indices.split_at_mut(end);
-                    let own = &mut own[start..];
-                    let behind = &mut behind[..count];
-                    let sorted = sort_by_side(
-                        own,
-                        behind,
-                        &mut straddlers[..count],
-                        |&index| {
-                            let reference = &members[index as usize];
-                            (reference.min[axis], reference.max[axis])
-                        },
-                        position,
-                    );
-                    let (mut left, mut right) = (sorted.left, sorted.right);
-                    wholes.clear();
-                    let straddlers = straddlers[..sorted.straddling].iter();
-                    wholes.extend(straddlers.map(|&index| members[index as usize]));
-                    let mesh = self.triangles.mesh();
-                    divide(
-                        simd,
-                        wholes,
-                        mesh,
-                        axis,
-                        position,
-                        |left_part, right_part| {
-                            behind[left] = members.len() as u16;
-                            own[right] = members.len() as u16 + 1;
-                            left += usize::from(!left_part.is_empty());
-                            right += usize::from(!right_part.is_empty());
-                            members.extend([left_part, right_part]);
-                        },
-                    );
-                    right_children.push((right_node, start, right));
-                    (node, start, count) = (node + 1, end, left);
-                    continue;
                 }
-                NodeKind::Leaf { .. } if count > 0 => {
-                    let first = batch.references.len() as u32;
-                    let run = &indices[start..start + count];
-                    batch
-                        .references
-                        .extend(run.iter().map(|&index| members[index as usize]));
-                    batch
-                        .runs
-                        .push((self.leaf_numbers[node], first, count as u32));
-                }
-                _ => {}
+                NodeKind::Leaf { .. } => arrive(self.leaf_numbers[node], active, &boxes),
             }
-            let Some(next) = right_children.pop() else {
+            let Some(next) = pending.pop() else {
                 return;
             };
-            (node, start, count) = next;
+            Pending {
+                node,
+                active,
+                boxes,
+            } = next;
         }
     }
 }
 
-/// The deepest node whose cell holds the whole box.
+/// Cuts the straddling triangles of a packet; the boxes of the others stay.
 #[inline(always)]
-fn enter(nodes: &[Node], bounds: &Aabb) -> usize {
-    let mut node = 0;
-    while let NodeKind::Inner {
-        axis,
-        position,
-        right,
-    } = nodes[node].kind()
-    {
-        if bounds.max[axis] <= position {
-            node += 1;
-        } else if bounds.min[axis] >= position {
-            node = right;
-        } else {
-            break;
-        }
+fn cut<S: Simd>(
+    simd: S,
+    boxes: &Boxes<S>,
+    corners: &Corners<S>,
+    axis: usize,
+    position: f32,
+    straddling: u64,
+) -> (Boxes<S>, Boxes<S>) {
+    let straddling = mask32x8::from_bitmask(simd, straddling);
+    let cut = Cut::new(corners, axis, position);
+    let (mut left, mut right) = (*boxes, *boxes);
+    for k in 0..3 {
+        let parts = cut.parts(corners, k);
+        let (min, max) = (boxes.min[k], boxes.max[k]);
+        left.min[k] = straddling.select(min.max(parts.left_min), min);
+        left.max[k] = straddling.select(max.min(parts.left_max), max);
+        right.min[k] = straddling.select(min.max(parts.right_min), min);
+        right.max[k] = straddling.select(max.min(parts.right_max), max);
     }
-    node
+    left.max[axis] = left.max[axis].min(position);
+    right.min[axis] = right.min[axis].max(position);
+    (left, right)
+}
+
+/// A bit for each box that nothing is left of.
+#[inline(always)]
+fn empty<S: Simd>(boxes: &Boxes<S>) -> u64 {
+    let empty = |k: usize| boxes.min[k].simd_gt(boxes.max[k]);
+    (empty(0) | empty(1) | empty(2)).to_bitmask()
 }
 
 #[cfg(test)]

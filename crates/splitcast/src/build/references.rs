@@ -44,6 +44,15 @@ impl Reference {
         )
     }
 
+    pub(crate) fn new(min: [f32; 3], max: [f32; 3], triangle: u32) -> Self {
+        Self {
+            min,
+            triangle,
+            max,
+            _padding: 0,
+        }
+    }
+
     /// The box of a triangle.
     #[inline(always)]
     pub(crate) fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
@@ -139,13 +148,19 @@ impl<'m> Triangles<'m> {
         self.mesh.triangles().len() - self.len()
     }
 
+    /// The index in the mesh of the triangle at `place` among the usable ones.
+    #[inline(always)]
+    pub(crate) fn triangle(&self, place: usize) -> u32 {
+        match &self.usable {
+            None => place as u32,
+            Some(usable) => usable[place],
+        }
+    }
+
     /// The reference to the triangle at `place` among the usable ones.
     #[inline(always)]
     pub(crate) fn reference(&self, place: usize) -> Reference {
-        let triangle = match &self.usable {
-            None => place as u32,
-            Some(usable) => usable[place],
-        };
+        let triangle = self.triangle(place);
         Reference::of_triangle(self.mesh.corners(triangle), triangle)
     }
 

@@ -14,7 +14,7 @@ use super::references::{lower, upper};
 use crate::Mesh;
 
 /// Straddlers divided at once: one 256-bit register of single-precision values.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
 
 /// Rounding of a point computed on an edge, relative to the largest
 /// coordinates of its ends: the difference, weight, product and sum are each
@@ -22,7 +22,10 @@ const LANES: usize = 8;
 const EDGE_ROUNDING: f32 = 4.0 * f32::EPSILON;
 
 /// A value for each straddler.
-type Lanes = [f32; LANES];
+pub(super) type Lanes = [f32; LANES];
+
+/// Corners of triangles, by corner and axis.
+pub(super) type Corners<S> = [[f32x8<S>; 3]; 3];
 
 /// How many members of a node a plane sent where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +44,7 @@ pub(super) struct SideCounts {
 /// one it belongs to moves on. Neither it nor the other two overtake the
 /// reading, so nothing that counts is overwritten. All three slices have the
 /// same length.
-#[inline(always)]
+#[inline(never)]
 pub(super) fn sort_by_side<T: Copy>(
     own: &mut [T],
     behind: &mut [T],
@@ -93,22 +96,25 @@ pub(super) fn divide<S: Simd>(
                 corners[2][coordinate][lane] = c[coordinate];
             }
         }
-        let [a, b, c] = &corners;
-        let cut = Cut::new(simd, &a[axis], &b[axis], &c[axis], position);
-        let parts = [
-            cut.parts(simd, &a[0], &b[0], &c[0]),
-            cut.parts(simd, &a[1], &b[1], &c[1]),
-            cut.parts(simd, &a[2], &b[2], &c[2]),
-        ];
+        let corners = load_corners(simd, &corners);
+        let cut = Cut::new(&corners, axis, position);
+        let zero = [[0.0; LANES]; 3];
+        let (mut left_min, mut left_max) = (zero, zero);
+        let (mut right_min, mut right_max) = (zero, zero);
+        for k in 0..3 {
+            let parts = cut.parts(&corners, k);
+            left_min[k] = parts.left_min.into();
+            left_max[k] = parts.left_max.into();
+            right_min[k] = parts.right_min.into();
+            right_max[k] = parts.right_max.into();
+        }
         for (lane, straddler) in chunk.iter().enumerate() {
             let (mut left, mut right) = (*straddler, *straddler);
-            for coordinate in 0..3 {
-                let parts = &parts[coordinate];
-                let (min, max) = (straddler.min[coordinate], straddler.max[coordinate]);
-                left.min[coordinate] = upper(min, parts.left_min[lane]);
-                left.max[coordinate] = lower(max, parts.left_max[lane]);
-                right.min[coordinate] = upper(min, parts.right_min[lane]);
-                right.max[coordinate] = lower(max, parts.right_max[lane]);
+            for k in 0..3 {
+                left.min[k] = upper(left.min[k], left_min[k][lane]);
+                left.max[k] = lower(left.max[k], left_max[k][lane]);
+                right.min[k] = upper(right.min[k], right_min[k][lane]);
+                right.max[k] = lower(right.max[k], right_max[k][lane]);
             }
             left.max[axis] = position;
             right.min[axis] = position;
@@ -117,9 +123,21 @@ pub(super) fn divide<S: Simd>(
     }
 }
 
+/// Loads corners. Spelled out: the closures of `array::map` are compiled without the kernel's
+/// instruction set.
+#[inline(always)]
+pub(super) fn load_corners<S: Simd>(simd: S, [a, b, c]: &[[Lanes; 3]; 3]) -> Corners<S> {
+    let load = |lanes: &Lanes| f32x8::simd_from(simd, *lanes);
+    [
+        [load(&a[0]), load(&a[1]), load(&a[2])],
+        [load(&b[0]), load(&b[1]), load(&b[2])],
+        [load(&c[0]), load(&c[1]), load(&c[2])],
+    ]
+}
+
 /// How a plane cuts triangles. Whether a point counts is expressed by what is
 /// added to it: 0, or an infinity that takes it out of the running.
-struct Cut<S: Simd> {
+pub(super) struct Cut<S: Simd> {
     /// For each corner: 0 if it lies to the left of the plane or in it.
     off_left: [f32x8<S>; 3],
     /// For each corner: 0 if it lies to the right of the plane or in it.
@@ -130,22 +148,22 @@ struct Cut<S: Simd> {
     weight: [f32x8<S>; 3],
 }
 
-/// The extent on one axis of what lies on each side.
-struct Parts {
-    left_min: Lanes,
-    left_max: Lanes,
-    right_min: Lanes,
-    right_max: Lanes,
+/// The extent on one axis of what lies on each side, rounded outwards.
+pub(super) struct Parts<S: Simd> {
+    pub(super) left_min: f32x8<S>,
+    pub(super) left_max: f32x8<S>,
+    pub(super) right_min: f32x8<S>,
+    pub(super) right_max: f32x8<S>,
 }
 
 impl<S: Simd> Cut<S> {
-    /// Cuts triangles by the coordinates of their corners on the plane's axis.
+    /// Cuts triangles by a plane.
     #[inline(always)]
-    fn new(simd: S, a: &Lanes, b: &Lanes, c: &Lanes, position: f32) -> Self {
-        let zero = f32x8::splat(simd, 0.0);
-        let infinity = f32x8::splat(simd, f32::INFINITY);
-        let offset = |corner: &Lanes| f32x8::simd_from(simd, *corner) - position;
-        let (a, b, c) = (offset(a), offset(b), offset(c));
+    pub(super) fn new(corners: &Corners<S>, axis: usize, position: f32) -> Self {
+        let [a, b, c] = corners;
+        let (a, b, c) = (a[axis] - position, b[axis] - position, c[axis] - position);
+        let zero = f32x8::splat(a.token(), 0.0);
+        let infinity = f32x8::splat(a.token(), f32::INFINITY);
         let below = [a.simd_lt(0.0), b.simd_lt(0.0), c.simd_lt(0.0)];
         let off_left = |corner: f32x8<S>| corner.simd_le(0.0).select(zero, infinity);
         let off_right = |corner: f32x8<S>| corner.simd_ge(0.0).select(zero, infinity);
@@ -161,16 +179,19 @@ impl<S: Simd> Cut<S> {
         Self {
             off_left: [off_left(a), off_left(b), off_left(c)],
             off_right: [off_right(a), off_right(b), off_right(c)],
-            off_edge: crosses.map(|crosses| crosses.select(zero, infinity)),
+            off_edge: [
+                crosses[0].select(zero, infinity),
+                crosses[1].select(zero, infinity),
+                crosses[2].select(zero, infinity),
+            ],
             weight: [weight(0, a, b), weight(1, b, c), weight(2, c, a)],
         }
     }
 
-    /// The parts' extents, from the coordinates of the corners on one axis.
+    /// The parts' extents on one axis.
     #[inline(always)]
-    fn parts(&self, simd: S, a: &Lanes, b: &Lanes, c: &Lanes) -> Parts {
-        let load = |corner: &Lanes| f32x8::simd_from(simd, *corner);
-        let (a, b, c) = (load(a), load(b), load(c));
+    pub(super) fn parts(&self, corners: &Corners<S>, axis: usize) -> Parts<S> {
+        let (a, b, c) = (corners[0][axis], corners[1][axis], corners[2][axis]);
         let on_edge =
             |edge: usize, from: f32x8<S>, to: f32x8<S>| from + self.weight[edge] * (to - from);
         let edges = [on_edge(0, a, b), on_edge(1, b, c), on_edge(2, c, a)];
@@ -188,10 +209,10 @@ impl<S: Simd> Cut<S> {
         let (edge_min, edge_max) = (min(&edges, &self.off_edge), max(&edges, &self.off_edge));
         let rounding = a.abs().max(b.abs()).max(c.abs()) * EDGE_ROUNDING;
         Parts {
-            left_min: (min(&corners, &self.off_left).min(edge_min) - rounding).into(),
-            left_max: (max(&corners, &self.off_left).max(edge_max) + rounding).into(),
-            right_min: (min(&corners, &self.off_right).min(edge_min) - rounding).into(),
-            right_max: (max(&corners, &self.off_right).max(edge_max) + rounding).into(),
+            left_min: min(&corners, &self.off_left).min(edge_min) - rounding,
+            left_max: max(&corners, &self.off_left).max(edge_max) + rounding,
+            right_min: min(&corners, &self.off_right).min(edge_min) - rounding,
+            right_max: max(&corners, &self.off_right).max(edge_max) + rounding,
         }
     }
 }

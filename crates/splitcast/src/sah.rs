@@ -11,8 +11,8 @@
 
 use std::ops::{Add, Mul};
 
+use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x8, u32x8};
 
 use crate::OptionsError;
 
@@ -96,23 +96,25 @@ impl CostModel {
     }
 
     /// [`CostModel::split`] for eight candidates at once, with the same results.
+    /// Counts are whole numbers.
     #[inline(always)]
     pub(crate) fn split_lanes<S: Simd>(
         &self,
-        left: (f32x8<S>, u32x8<S>),
-        right: (f32x8<S>, u32x8<S>),
+        left: (f32x8<S>, f32x8<S>),
+        right: (f32x8<S>, f32x8<S>),
     ) -> f32x8<S> {
         let simd = left.0.token();
-        let leaf = |count: u32x8<S>| {
-            let blocks = (count + (self.leaf_width - 1)) >> self.leaf_width.trailing_zeros();
-            f32x8::float_from(blocks) * self.intersection
-        };
+        let width = self.leaf_width as f32;
+        // Exact: the width is a power of two.
+        let inverse_width = width.recip();
+        let leaf =
+            |count: f32x8<S>| ((count + (width - 1.0)) * inverse_width).floor() * self.intersection;
         let cost = expected_cost(
             f32x8::splat(simd, self.traversal),
             (left.0, leaf(left.1)),
             (right.0, leaf(right.1)),
         );
-        let empty = left.1.simd_eq(0) | right.1.simd_eq(0);
+        let empty = left.1.simd_eq(0.0) | right.1.simd_eq(0.0);
         empty.select(cost * (1.0 - self.empty_bonus), cost)
     }
 

@@ -26,9 +26,10 @@ use crate::simd::dispatch;
 /// Triangles that one reference of the sample stands for.
 const SAMPLE_STRIDE: usize = 8;
 
-/// Triangles in a bucket, about: 32 bytes each, twice that while it is being
-/// built, fill a first-level cache.
-const BUCKET: usize = 512;
+/// Triangles in a bucket, about: small enough for a second-level cache, large
+/// enough that the top tree, which sees one in [`SAMPLE_STRIDE`], decides on
+/// 128 of them or more.
+const BUCKET: usize = 1024;
 
 /// Meshes below this size are one bucket.
 const SMALL_MESH: usize = 4 * BUCKET;

@@ -1,13 +1,14 @@
-//! The core's correctness suite over real meshes, read as a user would read
-//! them. They are not part of this project: the tests look for them where the
-//! environment variable `SPLITCAST_DATA` points, and skip without it.
+//! The core's correctness suite over the built-in scenes, and over real meshes
+//! read as a user would read them. The latter are not part of this project: the
+//! tests look for them where the environment variable `SPLITCAST_DATA` points,
+//! and skip without it.
 
 #[path = "../../splitcast/tests/suite/mod.rs"]
 mod suite;
 
 use std::path::PathBuf;
 
-use splitcast_scene::{FrameSource, MeshSequence};
+use splitcast_scene::{FrameSource, MeshSequence, builtin};
 
 /// Checks some frames of any source with every builder.
 fn check_frames(source: &mut dyn FrameSource, frames: impl IntoIterator<Item = usize>) {
@@ -39,4 +40,29 @@ fn the_galloping_horse_equals_brute_force() {
 #[test]
 fn the_cloth_over_a_ball_equals_brute_force() {
     check_real("cloth-ball", 0..2);
+}
+
+fn check_built_in(name: &str, frames: impl IntoIterator<Item = usize>) {
+    let mut scene = builtin::open(name).expect("a built-in scene");
+    check_frames(&mut *scene, frames);
+}
+
+#[test]
+fn the_built_in_horse_equals_brute_force() {
+    check_built_in("horse", [0, 7, 19]);
+}
+
+#[test]
+fn the_elephant_equals_brute_force() {
+    check_built_in("elephant", [0, 31]);
+}
+
+#[test]
+fn the_cloth_on_its_ball_equals_brute_force() {
+    check_built_in("cloth-ball", [0, 24]);
+}
+
+#[test]
+fn the_collision_equals_brute_force() {
+    check_built_in("collision", [0, 9]);
 }

@@ -124,12 +124,18 @@ fn partition<S: Simd>(
     let (own, behind) = references.split_at_mut(end);
     let own = &mut own[node.start..];
     let behind = &mut behind[..node.count];
-    let sorted = sort_by_side(
-        own,
-        behind,
-        &mut straddlers[..node.count],
-        |reference| (reference.min[axis], reference.max[axis]),
-        position,
+    // A function of its own: in the middle of the kernel the loop runs out of registers.
+    let sorted = simd.vectorize(
+        #[inline(always)]
+        || {
+            sort_by_side(
+                own,
+                behind,
+                &mut straddlers[..node.count],
+                |reference| (reference.min[axis], reference.max[axis]),
+                position,
+            )
+        },
     );
     let (mut left, mut right) = (sorted.left, sorted.right);
     let straddlers = &straddlers[..sorted.straddling];

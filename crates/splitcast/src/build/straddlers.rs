@@ -44,7 +44,7 @@ pub(super) struct SideCounts {
 /// one it belongs to moves on. Neither it nor the other two overtake the
 /// reading, so nothing that counts is overwritten. All three slices have the
 /// same length.
-#[inline(never)]
+#[inline(always)]
 pub(super) fn sort_by_side<T: Copy>(
     own: &mut [T],
     behind: &mut [T],

@@ -56,7 +56,6 @@ mod renderer;
 mod sampling;
 mod shade;
 mod sky;
-mod smooth_normals;
 mod srgb;
 mod stage;
 mod surface;

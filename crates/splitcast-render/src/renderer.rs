@@ -5,14 +5,13 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 use splitcast::{Aabb, KdTree, Ray};
-use splitcast_scene::Frame;
+use splitcast_scene::{Frame, vertex_normals};
 
 use crate::adaptive::{Estimate, first_samples, is_uneven};
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, tent};
 use crate::shade::{FILTER, Surroundings, Tracer};
 use crate::sky::Sky;
-use crate::smooth_normals::smooth_normals;
 use crate::stage::Stage;
 use crate::surface::{CLAY, PLASTER, Surface, Surfaces};
 use crate::tiles::render_tiles;
@@ -93,7 +92,7 @@ impl Renderer {
             Shading::Flat => None,
             Shading::Smooth => Some(match &frame.normals {
                 Some(normals) => Cow::Borrowed(normals.as_slice()),
-                None => Cow::Owned(smooth_normals(&frame.positions, &frame.triangles)),
+                None => Cow::Owned(vertex_normals(&frame.positions, &frame.triangles)),
             }),
         };
         let options = &self.options;

@@ -34,6 +34,7 @@ mod ply;
 mod polygon;
 mod prefetch;
 mod sequence;
+mod vertex_normals;
 
 pub use atomic::write_atomically;
 pub use error::{Place, SceneError};
@@ -45,3 +46,4 @@ pub use obj::read_obj;
 pub use ply::{read_ply, write_ply};
 pub use prefetch::Prefetch;
 pub use sequence::{MeshSequence, SequenceWarning, read_mesh};
+pub use vertex_normals::vertex_normals;

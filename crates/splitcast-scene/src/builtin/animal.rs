@@ -11,7 +11,7 @@ use super::implicit::{Body, Part};
 use super::skeleton::{Pose, Skeleton};
 use super::skinning::Skin;
 use super::surface_nets;
-use super::vertex_normals::vertex_normals;
+use crate::vertex_normals;
 use crate::{Frame, FrameSource, SceneError};
 
 /// Poses a skeleton at a phase of the whole cycle, 0 to 1.

@@ -17,8 +17,8 @@ use super::cloth::{Cloth, ClothSettings, Ground, TurningBall};
 use super::curve::sin_cos;
 use super::geodesic_sphere::geodesic_sphere;
 use super::grid_subdivision::subdivide_grid;
-use super::vertex_normals::vertex_normals;
 use super::{BuiltinScene, check_frame_index};
+use crate::vertex_normals;
 use crate::{Frame, FrameSource, SceneError};
 
 pub(super) const SCENE: BuiltinScene = BuiltinScene {

@@ -18,7 +18,7 @@ use super::random::Random;
 use super::sculpture::Sculpture;
 use super::sculpture_blocks::SculptureBlocks;
 use super::value_noise::value_noise;
-use super::vertex_normals::vertex_normals;
+use crate::vertex_normals;
 
 /// Rounds of evening out the triangles; more changes little.
 const FAIRING_ROUNDS: usize = 5;

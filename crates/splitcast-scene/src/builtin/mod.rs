@@ -32,7 +32,6 @@ mod skeleton;
 mod skinning;
 mod surface_nets;
 mod value_noise;
-mod vertex_normals;
 mod xpbd;
 
 use crate::{FrameSource, SceneError};

@@ -11,7 +11,7 @@ const CHUNK: usize = 4096;
 
 /// One unit normal a vertex, on the side from which triangles appear
 /// counter-clockwise. Zero for vertices that no proper triangle uses.
-pub(crate) fn smooth_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+pub fn vertex_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let mut sums = vec![Vec3::ZERO; positions.len()];
     for triangle in triangles {
         let corners = triangle.map(|vertex| Vec3::from(positions[vertex as usize]));
@@ -62,7 +62,7 @@ mod tests {
             [1.0, 1.0, 0.0],
         ];
         let triangles = [[0, 4, 1], [0, 2, 4], [0, 3, 2], [0, 1, 3]];
-        let normal = smooth_normals(&positions, &triangles)[0];
+        let normal = vertex_normals(&positions, &triangles)[0];
         for component in normal {
             assert!((component + 1.0 / 3.0f32.sqrt()).abs() < 1e-3, "{normal:?}");
         }
@@ -79,7 +79,7 @@ mod tests {
             [0.0, 1.0, 0.0],
         ];
         let triangles = [[0, 1, 2], [0, 0, 0], [1, 2, 3], [1, 2, 4]];
-        for normal in smooth_normals(&positions, &triangles) {
+        for normal in vertex_normals(&positions, &triangles) {
             assert_eq!(normal, [0.0; 3]);
         }
     }
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn a_broken_triangle_does_not_spoil_its_neighbours() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN; 3]];
-        let normals = smooth_normals(&positions, &[[0, 1, 2], [0, 1, 3]]);
+        let normals = vertex_normals(&positions, &[[0, 1, 2], [0, 1, 3]]);
         assert_eq!(normals[0], [0.0, 0.0, 1.0]);
     }
 

@@ -106,7 +106,7 @@ trait HitSink {
 #[inline(always)]
 fn test_triangle(
     mesh: Mesh<'_>,
-    sheared: &ShearedRay,
+    sheared: &ShearedRay<'_>,
     t_min: f32,
     triangle: u32,
     sink: &mut impl HitSink,
@@ -124,7 +124,7 @@ fn test_triangle(
 struct LeafTester<'q, 'm, S: Simd, H> {
     mesh: Mesh<'m>,
     filter: BlockFilter<S>,
-    sheared: ShearedRay,
+    sheared: ShearedRay<'q>,
     t_min: f32,
     sink: &'q mut H,
 }

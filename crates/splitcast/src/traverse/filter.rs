@@ -38,8 +38,8 @@ impl<S: Simd> BlockFilter<S> {
     /// Prepares a ray for triangles no farther than `reach` from its origin
     /// on any axis.
     #[inline(always)]
-    pub(super) fn new(simd: S, ray: &ShearedRay, reach: f32) -> Self {
-        let [x, y, z] = ray.axes;
+    pub(super) fn new(simd: S, &ShearedRay { ray, axes }: &ShearedRay<'_>, reach: f32) -> Self {
+        let [x, y, z] = axes;
         let depth_per_t = ray.direction[z];
         // In units of 2⁻²⁴ of the reach: the corner relative to the origin 1, the shear 1,
         // the corner's depth in it 1, their product 1, the difference 2. 8 leaves room, and
@@ -47,7 +47,7 @@ impl<S: Simd> BlockFilter<S> {
         let corner_error = reach * (8.0 / (1 << 24) as f32) + f32::MIN_POSITIVE;
         Self {
             simd,
-            axes: ray.axes,
+            axes,
             origin: [ray.origin[x], ray.origin[y], ray.origin[z]],
             shear: [
                 ray.direction[x] / depth_per_t,

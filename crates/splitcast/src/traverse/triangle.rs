@@ -20,9 +20,8 @@ use crate::{Mesh, Ray};
 
 /// A ray with the shear that turns it into its last axis.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ShearedRay {
-    pub(super) origin: [f32; 3],
-    pub(super) direction: [f32; 3],
+pub(super) struct ShearedRay<'r> {
+    pub(super) ray: &'r Ray,
     /// The axes of the ray's frame; the last is the direction's largest.
     pub(super) axes: [usize; 3],
 }
@@ -38,10 +37,10 @@ pub(super) struct Crossing {
     pub(super) v: f32,
 }
 
-impl ShearedRay {
+impl<'r> ShearedRay<'r> {
     /// Prepares `ray`, or gives nothing if it cannot hit anything (see [`Ray`]).
     #[inline(always)]
-    pub(super) fn new(ray: &Ray) -> Option<Self> {
+    pub(super) fn new(ray: &'r Ray) -> Option<Self> {
         let finite = |[x, y, z]: [f32; 3]| x.is_finite() & y.is_finite() & z.is_finite();
         // Written so that NaN bounds fail.
         if !(finite(ray.origin) & finite(ray.direction) & (ray.t_min <= ray.t_max)) {
@@ -56,11 +55,7 @@ impl ShearedRay {
         } else {
             [0, 1, 2]
         };
-        (ray.direction[axes[2]] != 0.0).then_some(Self {
-            origin: ray.origin,
-            direction: ray.direction,
-            axes,
-        })
+        (ray.direction[axes[2]] != 0.0).then_some(Self { ray, axes })
     }
 
     /// Where the ray's line meets the triangle, whatever the ray's range. A
@@ -68,9 +63,9 @@ impl ShearedRay {
     #[inline(always)]
     pub(super) fn intersect(&self, corners: &[[f32; 3]; 3]) -> Option<Crossing> {
         let [x, y, z] = self.axes;
-        let [dx, dy, dz] = [x, y, z].map(|axis| f64::from(self.direction[axis]));
+        let [dx, dy, dz] = [x, y, z].map(|axis| f64::from(self.ray.direction[axis]));
         let shear = [dx / dz, dy / dz];
-        let origin = [x, y, z].map(|axis| f64::from(self.origin[axis]));
+        let origin = [x, y, z].map(|axis| f64::from(self.ray.origin[axis]));
         let mut sheared = [[0.0; 3]; 3];
         for k in 0..3 {
             let depth = f64::from(corners[k][z]) - origin[2];

@@ -81,10 +81,7 @@ impl<'m> Mesh<'m> {
     /// If there is no such triangle.
     #[inline]
     pub fn is_traceable(&self, index: u32) -> bool {
-        self.corners(index)
-            .as_flattened()
-            .iter()
-            .all(|x| x.abs() <= MAX_COORDINATE)
+        self.corners(index).iter().all(is_traceable)
     }
 
     /// The box around the three corners of triangle `index`.
@@ -95,4 +92,11 @@ impl<'m> Mesh<'m> {
     pub fn triangle_bounds(&self, index: u32) -> Aabb {
         Aabb::of_points(&self.corners(index))
     }
+}
+
+/// Whether a corner may stand here. NaN fails; no short cut, so that it vectorises.
+#[inline]
+pub(crate) fn is_traceable(position: &[f32; 3]) -> bool {
+    let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
+    x & y & z
 }

@@ -1,15 +1,19 @@
 //! Rays through the tree: each query is a sink for hits, fed by one descent.
 
 mod descend;
+mod filter;
 pub mod reference;
 mod triangle;
 
 use std::ops::ControlFlow;
 
 pub use descend::TraversalCounts;
+use fearless_simd::Simd;
 
+use crate::simd::{Kernel, dispatch};
 use crate::{Hit, KdTree, Mesh, Ray};
-use descend::{LeafVisitor, descend};
+use descend::{LeafVisitor, PlaneDistances, descend};
+use filter::{BLOCK, BlockFilter};
 use triangle::{Crossing, ShearedRay, unit_normal};
 
 impl KdTree<'_> {
@@ -48,17 +52,44 @@ impl KdTree<'_> {
     /// Feeds the hits of the ray to `sink`, leaf by leaf.
     #[inline(always)]
     fn trace(&self, ray: &Ray, sink: &mut impl HitSink) -> TraversalCounts {
-        let reach = self.bounds().reach(ray.origin);
-        let Some(sheared) = ShearedRay::new(ray, reach) else {
+        dispatch(Trace {
+            tree: self,
+            ray,
+            sink,
+        })
+    }
+}
+
+/// One ray's way through a tree.
+struct Trace<'q, 'm, H> {
+    tree: &'q KdTree<'m>,
+    ray: &'q Ray,
+    sink: &'q mut H,
+}
+
+impl<H: HitSink> Kernel for Trace<'_, '_, H> {
+    type Output = TraversalCounts;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> TraversalCounts {
+        let Self { tree, ray, sink } = self;
+        let reach = tree.bounds().reach(ray.origin);
+        let planes = PlaneDistances::new(ray, reach);
+        // The box first: many rays miss it, few are invalid.
+        let Some(interval) = planes.clip_to_box(tree, ray) else {
+            return TraversalCounts::default();
+        };
+        let Some(sheared) = ShearedRay::new(ray) else {
             return TraversalCounts::default();
         };
         let mut tester = LeafTester {
-            mesh: self.mesh(),
+            mesh: tree.mesh(),
+            filter: BlockFilter::new(simd, &sheared, reach),
             sheared,
             t_min: ray.t_min,
             sink,
         };
-        descend(self, ray, reach, &mut tester)
+        descend(tree, &planes, interval, &mut tester)
     }
 }
 
@@ -71,39 +102,49 @@ trait HitSink {
     fn take(&mut self, crossing: Crossing, triangle: u32) -> ControlFlow<()>;
 }
 
-/// Tests triangles in turn. The only place where hits are compared with the range.
+/// Tests one triangle. The only place where hits are compared with the range.
 #[inline(always)]
-fn test_triangles(
+fn test_triangle(
     mesh: Mesh<'_>,
-    sheared: &ShearedRay,
+    sheared: &ShearedRay<'_>,
     t_min: f32,
-    triangles: impl Iterator<Item = u32>,
+    triangle: u32,
     sink: &mut impl HitSink,
 ) -> ControlFlow<()> {
-    for triangle in triangles {
-        if let Some(crossing) = sheared.intersect(&mesh.corners(triangle))
-            && crossing.t >= t_min
-            && crossing.t <= sink.t_max()
-        {
-            sink.take(crossing, triangle)?;
-        }
+    if let Some(crossing) = sheared.intersect(&mesh.corners(triangle))
+        && crossing.t >= t_min
+        && crossing.t <= sink.t_max()
+    {
+        sink.take(crossing, triangle)?;
     }
     ControlFlow::Continue(())
 }
 
 /// Passes the hits in the leaves that a descent visits on to a sink.
-struct LeafTester<'q, 'm, S> {
+struct LeafTester<'q, 'm, S: Simd, H> {
     mesh: Mesh<'m>,
-    sheared: ShearedRay,
+    filter: BlockFilter<S>,
+    sheared: ShearedRay<'q>,
     t_min: f32,
-    sink: &'q mut S,
+    sink: &'q mut H,
 }
 
-impl<S: HitSink> LeafVisitor for LeafTester<'_, '_, S> {
+impl<S: Simd, H: HitSink> LeafVisitor for LeafTester<'_, '_, S, H> {
     #[inline(always)]
-    fn visit(&mut self, references: &[u32]) -> ControlFlow<()> {
-        let triangles = references.iter().copied();
-        test_triangles(self.mesh, &self.sheared, self.t_min, triangles, self.sink)
+    fn visit(&mut self, references: &[u32], count: usize) -> ControlFlow<()> {
+        for first in (0..count).step_by(BLOCK) {
+            let block = &references[first..];
+            let (left, t_max) = (count - first, self.sink.t_max());
+            let mut candidates = self
+                .filter
+                .candidates(self.mesh, block, left, self.t_min, t_max);
+            while candidates != 0 {
+                let triangle = block[candidates.trailing_zeros() as usize];
+                candidates &= candidates - 1;
+                test_triangle(self.mesh, &self.sheared, self.t_min, triangle, self.sink)?;
+            }
+        }
+        ControlFlow::Continue(())
     }
 
     #[inline(always)]

@@ -4,7 +4,8 @@ use fearless_simd::f32x4;
 use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
-use super::{MAX_COORDINATE, NonFinite};
+use super::NonFinite;
+use crate::mesh::is_traceable;
 use crate::simd::{Kernel, dispatch};
 use crate::{Aabb, BuildError, Mesh};
 
@@ -88,18 +89,6 @@ impl Reference {
     }
 }
 
-/// The lower of two numbers: unlike `f32::min`, a single instruction.
-#[inline(always)]
-pub(crate) fn lower(a: f32, b: f32) -> f32 {
-    if b < a { b } else { a }
-}
-
-/// The higher of two numbers: unlike `f32::max`, a single instruction.
-#[inline(always)]
-pub(crate) fn upper(a: f32, b: f32) -> f32 {
-    if b > a { b } else { a }
-}
-
 /// The triangles that a tree is built over: all of a mesh, or those left when
 /// unusable ones are skipped.
 #[derive(Debug)]
@@ -121,7 +110,7 @@ impl<'m> Triangles<'m> {
             return Ok(Self { mesh, usable: None });
         }
         let usable: Vec<u32> = (0..mesh.triangles().len() as u32)
-            .filter(|&triangle| mesh.corners(triangle).iter().all(is_traceable))
+            .filter(|&triangle| mesh.is_traceable(triangle))
             .collect();
         if non_finite == NonFinite::Reject && usable.len() < mesh.triangles().len() {
             return Err(first_unusable(mesh));
@@ -205,12 +194,6 @@ pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aab
         min: [a + 0.0, b + 0.0, c + 0.0],
         max: [d + 0.0, e + 0.0, f + 0.0],
     }
-}
-
-/// Whether a corner may stand here. NaN fails; no short cut, so that it vectorises.
-fn is_traceable(position: &[f32; 3]) -> bool {
-    let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
-    x & y & z
 }
 
 /// Names the first vertex that keeps a triangle from being used.

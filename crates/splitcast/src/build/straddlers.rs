@@ -10,8 +10,8 @@ use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 
 use super::Reference;
-use super::references::{lower, upper};
 use crate::Mesh;
+use crate::aabb::{lower, upper};
 
 /// Straddlers divided at once: one 256-bit register of single-precision values.
 pub(super) const LANES: usize = 8;

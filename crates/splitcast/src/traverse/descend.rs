@@ -9,6 +9,7 @@
 
 use std::ops::ControlFlow;
 
+use crate::aabb::{lower, upper};
 use crate::build::MAX_DEPTH;
 use crate::kd_tree::NodeKind;
 use crate::{KdTree, Ray};
@@ -38,29 +39,31 @@ pub struct TraversalCounts {
 
 /// What a query does with the leaves that a ray meets, nearest first.
 pub(super) trait LeafVisitor {
-    /// Tests the triangles of a leaf. `Break` ends the descent.
-    fn visit(&mut self, references: &[u32]) -> ControlFlow<()>;
+    /// Tests the triangles of a leaf: the first `count` of `references`, which
+    /// other leaves' follow. `Break` ends the descent.
+    fn visit(&mut self, references: &[u32], count: usize) -> ControlFlow<()>;
 
     /// Leaves that begin beyond this distance are of no interest any more.
     fn t_max(&self) -> f32;
 }
 
-/// Visits all leaves that a valid ray meets within its range and the visitor's.
-/// `reach` is the tree's from the ray's origin ([`Aabb::reach`](crate::Aabb::reach)).
+/// Visits all leaves that a valid ray meets between `enter` and `exit`, its
+/// [interval in the tree's box](PlaneDistances::clip_to_box), and within the
+/// visitor's range.
 #[inline(always)]
 pub(super) fn descend(
     tree: &KdTree<'_>,
-    ray: &Ray,
-    reach: f32,
+    planes: &PlaneDistances,
+    (mut enter, mut exit): (f32, f32),
     visitor: &mut impl LeafVisitor,
 ) -> TraversalCounts {
     let mut counts = TraversalCounts::default();
-    let planes = PlaneDistances::new(ray, reach);
-    let Some((mut enter, mut exit)) = planes.clip_to_box(tree, ray) else {
-        return counts;
-    };
     let nodes = tree.nodes();
-    let mut stack = [(0u32, 0.0, 0.0); MAX_DEPTH as usize];
+    // Nodes still to be visited, and their intervals. Three arrays rather than one of tuples:
+    // each is short enough to be cleared without a call.
+    let mut waiting = [0u32; MAX_DEPTH as usize];
+    let mut enters = [0.0f32; MAX_DEPTH as usize];
+    let mut exits = [0.0f32; MAX_DEPTH as usize];
     let mut top = 0;
     let mut index = 0;
     loop {
@@ -86,16 +89,18 @@ pub(super) fn descend(
                     index = first;
                 } else {
                     index = first;
-                    stack[top] = (second as u32, if low > enter { low } else { enter }, exit);
+                    waiting[top] = second as u32;
+                    enters[top] = upper(enter, low);
+                    exits[top] = exit;
                     top += 1;
-                    exit = if high < exit { high } else { exit };
+                    exit = lower(exit, high);
                 }
             }
             NodeKind::Leaf { first, count } => {
                 counts.leaves += 1;
                 counts.triangles += count as u32;
-                let references = &tree.references()[first..first + count];
-                if visitor.visit(references).is_break() {
+                let references = &tree.references()[first..];
+                if visitor.visit(references, count).is_break() {
                     return counts;
                 }
                 loop {
@@ -103,9 +108,10 @@ pub(super) fn descend(
                         return counts;
                     }
                     top -= 1;
-                    let (next, next_enter, next_exit) = stack[top];
-                    if next_enter <= visitor.t_max() {
-                        (index, enter, exit) = (next as usize, next_enter, next_exit);
+                    if enters[top] <= visitor.t_max() {
+                        index = waiting[top] as usize;
+                        enter = enters[top];
+                        exit = exits[top];
                         break;
                     }
                 }
@@ -115,7 +121,7 @@ pub(super) fn descend(
 }
 
 /// Distances along one ray to axis-aligned planes, with their slack.
-struct PlaneDistances {
+pub(super) struct PlaneDistances {
     origin: [f32; 3],
     inverse: [f32; 3],
     /// The slack in space, turned into one of distance on each axis.
@@ -123,15 +129,26 @@ struct PlaneDistances {
 }
 
 impl PlaneDistances {
-    fn new(ray: &Ray, reach: f32) -> Self {
-        let fastest = ray.direction.iter().fold(0.0, |m: f32, d| m.max(d.abs()));
-        let inverse = ray
-            .direction
-            .map(|d| d.abs().max(fastest * SLOWEST).copysign(d).recip());
+    /// `reach` is the tree's from the ray's origin ([`Aabb::reach`](crate::Aabb::reach)).
+    #[inline(always)]
+    pub(super) fn new(ray: &Ray, reach: f32) -> Self {
+        let [x, y, z] = ray.direction;
+        let fastest = upper(upper(x.abs(), y.abs()), z.abs());
+        let slowest = fastest * SLOWEST;
+        let slack = reach * SLACK;
+        let inverse = [
+            upper(x.abs(), slowest).copysign(x).recip(),
+            upper(y.abs(), slowest).copysign(y).recip(),
+            upper(z.abs(), slowest).copysign(z).recip(),
+        ];
         Self {
             origin: ray.origin,
             inverse,
-            slack: inverse.map(|inverse| inverse.abs() * (reach * SLACK)),
+            slack: [
+                inverse[0].abs() * slack,
+                inverse[1].abs() * slack,
+                inverse[2].abs() * slack,
+            ],
         }
     }
 
@@ -143,7 +160,8 @@ impl PlaneDistances {
     }
 
     /// The part of the ray's range inside the tree's box.
-    fn clip_to_box(&self, tree: &KdTree<'_>, ray: &Ray) -> Option<(f32, f32)> {
+    #[inline(always)]
+    pub(super) fn clip_to_box(&self, tree: &KdTree<'_>, ray: &Ray) -> Option<(f32, f32)> {
         let bounds = tree.bounds();
         let (mut enter, mut exit) = (ray.t_min, ray.t_max);
         for axis in 0..3 {
@@ -151,9 +169,9 @@ impl PlaneDistances {
             if self.inverse[axis] < 0.0 {
                 std::mem::swap(&mut near, &mut far);
             }
-            // `max` and `min` drop NaN.
-            enter = enter.max(self.to(axis, near).0);
-            exit = exit.min(self.to(axis, far).1);
+            // Both drop NaN.
+            enter = upper(enter, self.to(axis, near).0);
+            exit = lower(exit, self.to(axis, far).1);
         }
         (enter <= exit).then_some((enter, exit))
     }

@@ -5,7 +5,7 @@
 //! a [`KdTree`](crate::KdTree) query over the same mesh has to give the same
 //! result to the last bit.
 
-use super::{All, Any, Closest, HitSink, test_triangles};
+use super::{All, Any, Closest, HitSink, test_triangle};
 use crate::traverse::triangle::ShearedRay;
 use crate::{Hit, Mesh, Ray};
 
@@ -32,10 +32,11 @@ pub fn all_hits(mesh: Mesh<'_>, ray: &Ray, hits: &mut Vec<Hit>) {
 
 /// Tests all triangles that a builder would not leave out.
 fn test_all(mesh: Mesh<'_>, ray: &Ray, sink: &mut impl HitSink) {
-    if let Some(sheared) = ShearedRay::new(ray, f32::INFINITY) {
-        let triangles = 0..mesh.triangles().len() as u32;
-        let traceable = triangles.filter(|&triangle| mesh.is_traceable(triangle));
+    if let Some(sheared) = ShearedRay::new(ray) {
+        let mut traceable =
+            (0..mesh.triangles().len() as u32).filter(|&triangle| mesh.is_traceable(triangle));
         // Whether the sink wanted more is of no interest: there is no more.
-        let _ = test_triangles(mesh, &sheared, ray.t_min, traceable, sink);
+        let _ = traceable
+            .try_for_each(|triangle| test_triangle(mesh, &sheared, ray.t_min, triangle, sink));
     }
 }

@@ -81,7 +81,7 @@ impl<'m> Mesh<'m> {
     /// If there is no such triangle.
     #[inline]
     pub fn is_traceable(&self, index: u32) -> bool {
-        self.corners(index).iter().all(is_traceable)
+        are_traceable(&self.corners(index))
     }
 
     /// The box around the three corners of triangle `index`.
@@ -94,9 +94,9 @@ impl<'m> Mesh<'m> {
     }
 }
 
-/// Whether a corner may stand here. NaN fails; no short cut, so that it vectorises.
+/// Whether corners may stand here. NaN fails; no short cut, so that it vectorises.
 #[inline]
-pub(crate) fn is_traceable(position: &[f32; 3]) -> bool {
-    let [x, y, z] = position.map(|x| x.abs() <= MAX_COORDINATE);
-    x & y & z
+pub(crate) fn are_traceable(positions: &[[f32; 3]]) -> bool {
+    let coordinates = positions.as_flattened().iter();
+    coordinates.fold(true, |all, x| all & (x.abs() <= MAX_COORDINATE))
 }

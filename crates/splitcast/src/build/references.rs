@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::NonFinite;
-use crate::mesh::is_traceable;
+use crate::mesh::are_traceable;
 use crate::simd::{Kernel, dispatch};
 use crate::{Aabb, BuildError, Mesh};
 
@@ -102,11 +102,7 @@ impl<'m> Triangles<'m> {
     /// Finds the usable triangles of a mesh: those whose corners can be traced.
     pub(crate) fn of(mesh: Mesh<'m>, non_finite: NonFinite) -> Result<Self, BuildError> {
         // Nearly always all are, which is seen without a branch a vertex.
-        let all = |positions: &[[f32; 3]]| {
-            let coordinates = positions.as_flattened().iter();
-            coordinates.fold(true, |all, x| all & (x.abs() <= MAX_COORDINATE))
-        };
-        if mesh.positions().par_chunks(CHUNK).all(all) {
+        if mesh.positions().par_chunks(CHUNK).all(are_traceable) {
             return Ok(Self { mesh, usable: None });
         }
         let usable: Vec<u32> = (0..mesh.triangles().len() as u32)
@@ -204,7 +200,7 @@ fn first_unusable(mesh: Mesh<'_>) -> BuildError {
         .enumerate()
         .flat_map(|(triangle, corners)| corners.iter().map(move |&vertex| (triangle, vertex)))
         .map(|(triangle, vertex)| (triangle, vertex, mesh.positions()[vertex as usize]))
-        .find(|(_, _, position)| !is_traceable(position));
+        .find(|(_, _, position)| !are_traceable(&[*position]));
     let (triangle, vertex, position) = culprit.expect("called only if a triangle is unusable");
     BuildError::NonFinite {
         triangle,

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
         min: bounds.min,
         max: bounds.max,
     });
-    let view = perspective(args, &bounds)?;
+    let view = perspective(args, &info.outline)?;
     let renderer = Renderer::new(Camera::new(&view)?, &bounds, options)?;
     output.settings = settings(args, &view, renderer.options(), &info.name, &content);
 
@@ -225,9 +225,9 @@ fn refuse_non_finite(
     Ok(())
 }
 
-fn perspective(args: &RenderArgs, bounds: &Aabb) -> Result<Perspective, CliError> {
+fn perspective(args: &RenderArgs, outline: &[[f32; 3]]) -> Result<Perspective, CliError> {
     let aspect = args.size.0 as f32 / args.size.1 as f32;
-    let framing = Perspective::framing(bounds, args.up, aspect, args.fov)?;
+    let framing = Perspective::framing(outline, args.up, aspect, args.fov)?;
     Ok(Perspective {
         eye: args.eye.unwrap_or(framing.eye),
         look_at: args.look_at.unwrap_or(framing.look_at),

@@ -17,16 +17,16 @@
 //!     triangles: vec![[0, 1, 2]].into(),
 //!     ..Frame::default()
 //! };
-//! // With more frames, the box around all of them: camera and ground then stand still.
-//! let bounds = Aabb::of_points(&frame.positions);
+//! // With more frames, the points of all of them: camera and ground then stand still.
+//! let points = &frame.positions;
 //! let options = RenderOptions {
 //!     width: 64,
 //!     height: 36,
 //!     ..RenderOptions::default()
 //! };
 //! let aspect = options.width as f32 / options.height as f32;
-//! let view = Perspective::framing(&bounds, options.up, aspect, DEFAULT_FOV_DEGREES)?;
-//! let renderer = Renderer::new(Camera::new(&view)?, &bounds, options)?;
+//! let view = Perspective::framing(points, options.up, aspect, DEFAULT_FOV_DEGREES)?;
+//! let renderer = Renderer::new(Camera::new(&view)?, &Aabb::of_points(points), options)?;
 //!
 //! let tree = KdTree::build(
 //!     Mesh::new(&frame.positions, &frame.triangles)?,

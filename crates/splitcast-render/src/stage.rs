@@ -32,19 +32,20 @@ pub(crate) struct Stage {
 
 impl Stage {
     /// The stage for a motion within `bounds`; a box that is empty or a
-    /// single point is given a size of 1. `up` must not be zero.
+    /// single point is given sides of 1. `up` must not be zero.
     pub(crate) fn new(bounds: &Aabb, up: [f32; 3]) -> Self {
         let axes = axes_around(Vec3::from(up).as_dvec3().normalize());
         let usable =
             !bounds.is_empty() && bounds.min.iter().chain(&bounds.max).all(|x| x.is_finite());
-        let (min, max) = if usable {
-            (bounds.min, bounds.max)
-        } else {
-            ([-0.5; 3], [0.5; 3])
-        };
-        let (min, max) = (Vec3::from(min).as_dvec3(), Vec3::from(max).as_dvec3());
-        let diagonal = (max - min).length();
-        let radius = if diagonal > 0.0 { 0.5 * diagonal } else { 0.5 };
+        let (mut min, mut max) = (DVec3::ZERO, DVec3::ZERO);
+        if usable {
+            min = Vec3::from(bounds.min).as_dvec3();
+            max = Vec3::from(bounds.max).as_dvec3();
+        }
+        if min == max {
+            min -= 0.5;
+            max += 0.5;
+        }
         let corners = std::array::from_fn(|corner| {
             DVec3::new(
                 if corner & 1 == 0 { min.x } else { max.x },
@@ -59,7 +60,7 @@ impl Stage {
         Self {
             axes,
             centre: 0.5 * (min + max),
-            radius,
+            radius: 0.5 * (max - min).length(),
             corners,
             floor,
         }

@@ -98,7 +98,7 @@ fn picture(frame: &Frame, options: &RenderOptions) -> Image {
     let tree = KdTree::build(mesh, &build).unwrap();
     let bounds = tree.bounds();
     let aspect = options.width as f32 / options.height as f32;
-    let view = Perspective::framing(&bounds, options.up, aspect, 24.0).unwrap();
+    let view = Perspective::framing(&frame.positions, options.up, aspect, 24.0).unwrap();
     let camera = Camera::new(&view).unwrap();
     let renderer = Renderer::new(camera, &bounds, options.clone()).unwrap();
     let (image, stats) = renderer.render(&tree, frame).unwrap();
@@ -231,7 +231,7 @@ fn views_of_the_tree_show_the_mesh_and_the_tree() {
         let image = of(view);
         assert_ne!(
             image.pixels[0],
-            image.pixels[(HEIGHT / 2 * WIDTH + WIDTH / 3) as usize]
+            image.pixels[(3 * HEIGHT / 4 * WIDTH + WIDTH / 3) as usize]
         );
         assert!(colors(&image) > 20, "{view}");
     }
@@ -354,7 +354,7 @@ fn frames_that_do_not_fit_are_refused() {
     let frame = tori();
     let mesh = Mesh::new(&frame.positions, &frame.triangles).unwrap();
     let tree = KdTree::build(mesh, &BuildOptions::default()).unwrap();
-    let view = Perspective::framing(&tree.bounds(), [0.0, 1.0, 0.0], 1.0, 24.0).unwrap();
+    let view = Perspective::framing(&frame.positions, [0.0, 1.0, 0.0], 1.0, 24.0).unwrap();
     let renderer = Renderer::new(Camera::new(&view).unwrap(), &tree.bounds(), options()).unwrap();
     assert!(matches!(
         renderer.render(&tree, &Frame::default()),
@@ -373,7 +373,7 @@ fn frames_that_do_not_fit_are_refused() {
 
 #[test]
 fn a_sun_below_the_horizon_is_refused() {
-    let view = Perspective::framing(&Aabb::EMPTY, [0.0, 1.0, 0.0], 1.0, 24.0).unwrap();
+    let view = Perspective::framing(&[], [0.0, 1.0, 0.0], 1.0, 24.0).unwrap();
     let options = RenderOptions {
         sun: Some([1.0, -0.5, 0.0]),
         ..options()

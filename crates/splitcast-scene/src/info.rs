@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::outline::Outline;
 use crate::{Frame, FrameSource, SceneError};
 
 /// An axis-aligned box in the units of the source.
@@ -77,6 +78,11 @@ pub struct SequenceInfo {
     pub frames: Vec<FrameInfo>,
     /// Box around all finite vertices of all frames; `None` if there are none.
     pub bounds: Option<Bounds>,
+    /// Vertices that span nearly the convex hull of the whole motion: of each
+    /// frame the finite ones that are extreme in some of 98 directions, the
+    /// axes among them. Each point once, so at most 98 for a frame; the box
+    /// around them is `bounds`. A camera that sees these sees the motion.
+    pub outline: Vec<[f32; 3]>,
     /// Frames whose triangles differ from those of the frame before. Empty
     /// means that the topology is constant.
     pub topology_changes: Vec<usize>,
@@ -98,20 +104,24 @@ impl SequenceInfo {
             is_periodic: source.is_periodic(),
             frames: Vec::with_capacity(source.frame_count()),
             bounds: None,
+            outline: Vec::new(),
             topology_changes: Vec::new(),
             has_normals: true,
             has_colors: true,
         };
         let mut previous: Option<Frame> = None;
         let mut unit = 0.0;
+        let mut outline = Outline::default();
         for index in 0..source.frame_count() {
             let frame = source.frame(index)?;
             if index == 0 {
                 unit = Bounds::around(&frame.positions).map_or(0.0, |bounds| bounds.diagonal());
             }
             info.add(index, previous.as_ref(), &frame, unit);
+            outline.add(&frame.positions);
             previous = Some(frame);
         }
+        info.outline = outline.into_points();
         Ok(info)
     }
 

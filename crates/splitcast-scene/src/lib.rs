@@ -30,6 +30,7 @@ mod frame;
 mod info;
 mod number_pattern;
 mod obj;
+mod outline;
 mod ply;
 mod polygon;
 mod prefetch;

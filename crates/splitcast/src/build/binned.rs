@@ -92,6 +92,8 @@ pub(super) fn build(
 /// that no regular order of the mesh can hide parts of it.
 fn sample(triangles: &Triangles<'_>) -> Vec<Reference> {
     (0..triangles.len() / SAMPLE_STRIDE)
+        .into_par_iter()
+        .with_min_len(BUCKET)
         .map(|chunk| {
             // Fibonacci hashing (Knuth, TAOCP 6.4): the top bits of a multiple of 2³²/φ.
             let scramble = (chunk as u32).wrapping_mul(0x9E37_79B9) >> 16;
@@ -127,7 +129,12 @@ fn leaf_cells(top: &Subtree, bounds: Aabb) -> Vec<(Aabb, u32)> {
 
 /// Puts the buckets' subtrees in the place of the top tree's leaves.
 fn assemble(top: &Subtree, subtrees: &[Subtree]) -> Subtree {
-    let mut writer = NodeWriter::with_capacity_for(subtrees, top);
+    let nodes = subtrees
+        .iter()
+        .map(|subtree| subtree.nodes().len())
+        .sum::<usize>();
+    let references = subtrees.iter().map(Subtree::reference_count).sum();
+    let mut writer = NodeWriter::with_capacity(top.nodes().len() + nodes, references);
     let mut right_children = Vec::new();
     let mut buckets = subtrees.iter();
     for node in top.nodes() {

@@ -43,12 +43,14 @@ impl Kernel for BinnedSubtree<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Subtree {
-        let mut writer = NodeWriter::default();
+        // Enough for most subtrees: leaves of a dozen references, two references a triangle.
+        let count = self.references.len();
+        let mut writer = NodeWriter::with_capacity(count / 3, 2 * count);
         let mut straddlers = Vec::new();
         let mut right_children: Vec<(OpenInner, PendingNode)> = Vec::new();
         let mut node = PendingNode {
             start: 0,
-            count: self.references.len(),
+            count,
             cell: self.cell,
             limits: self.limits,
         };

@@ -176,13 +176,23 @@ pub(crate) fn bounds_of(references: &[Reference]) -> Aabb {
 /// [`bounds_of`] inside a kernel.
 #[inline(always)]
 pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aabb {
-    let mut min = f32x4::splat(simd, f32::INFINITY);
-    let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
-    for reference in references {
-        let (low, high) = reference.lanes();
-        min = min.min(f32x4::simd_from(simd, low));
-        max = max.max(f32x4::simd_from(simd, high));
+    // Two of each: a minimum takes longer than reading what it needs.
+    let mut min = [f32x4::splat(simd, f32::INFINITY); 2];
+    let mut max = [f32x4::splat(simd, f32::NEG_INFINITY); 2];
+    let mut pairs = references.chunks_exact(2);
+    for pair in &mut pairs {
+        for half in 0..2 {
+            let (low, high) = pair[half].lanes();
+            min[half] = min[half].min(f32x4::simd_from(simd, low));
+            max[half] = max[half].max(f32x4::simd_from(simd, high));
+        }
     }
+    for last in pairs.remainder() {
+        let (low, high) = last.lanes();
+        min[0] = min[0].min(f32x4::simd_from(simd, low));
+        max[0] = max[0].max(f32x4::simd_from(simd, high));
+    }
+    let (min, max) = (min[0].min(min[1]), max[0].max(max[1]));
     let [a, b, c, _]: [f32; 4] = min.into();
     let [d, e, f, _]: [f32; 4] = max.into();
     // Adding 0 turns -0 into 0: which of the two a minimum gives depends on the instruction set.

@@ -30,13 +30,11 @@ pub(crate) struct NodeWriter {
 }
 
 impl NodeWriter {
-    /// A writer with room for `parts` under the inner nodes of `top`.
-    pub(crate) fn with_capacity_for(parts: &[Subtree], top: &Subtree) -> Self {
-        let nodes = parts.iter().map(|part| part.nodes.len()).sum::<usize>();
-        let references = parts.iter().map(|part| part.references.len()).sum();
+    /// A writer with room for so many nodes and references.
+    pub(crate) fn with_capacity(nodes: usize, references: usize) -> Self {
         Self {
             subtree: Subtree {
-                nodes: Vec::with_capacity(nodes + top.nodes.len()),
+                nodes: Vec::with_capacity(nodes),
                 references: Vec::with_capacity(references),
             },
         }
@@ -89,6 +87,11 @@ impl NodeWriter {
 }
 
 impl Subtree {
+    /// Number of references in all leaves.
+    pub(crate) fn reference_count(&self) -> usize {
+        self.references.len()
+    }
+
     /// All nodes, depth first.
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes

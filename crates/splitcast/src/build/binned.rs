@@ -5,7 +5,7 @@
 //!
 //! 1. a *top tree* over a sample of the triangles, down to buckets;
 //! 2. every triangle is sorted into the buckets it overlaps ([`distribute`]);
-//! 3. each bucket is finished on its own ([`BinnedSubtree`]).
+//! 3. each bucket is finished on its own ([`Binning`]).
 //!
 //! Counts of a sample only choose planes; what lies where is decided for every
 //! triangle, so sampling costs quality (little), never a hit. Small meshes are
@@ -14,14 +14,13 @@
 
 use rayon::prelude::*;
 
-use super::binned_subtree::BinnedSubtree;
+use super::binned_subtree::Binning;
 use super::distribute::distribute;
 use super::limits::Limits;
 use super::references::bounds_of;
 use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::Aabb;
 use crate::kd_tree::NodeKind;
-use crate::simd::dispatch;
 
 /// Triangles that one reference of the sample stands for.
 const SAMPLE_STRIDE: usize = 8;
@@ -40,31 +39,25 @@ pub(super) fn build(
     limits: Limits,
     options: &BuildOptions,
 ) -> (Subtree, Aabb) {
-    let min_split = options.min_split as usize;
+    let binning = Binning {
+        mesh: triangles.mesh(),
+        weight: 1,
+        min_split: options.min_split as usize,
+        options,
+    };
     if triangles.len() < SMALL_MESH {
         let mut references = triangles.references();
         let bounds = bounds_of(&references);
-        let subtree = dispatch(BinnedSubtree {
-            references: &mut references,
-            mesh: triangles.mesh(),
-            cell: bounds,
-            limits,
-            weight: 1,
-            min_split,
-            options,
-        });
-        return (subtree, bounds);
+        return (binning.build(&mut references, bounds, limits), bounds);
     }
-    let mut sample = sample(triangles);
-    let top = dispatch(BinnedSubtree {
-        cell: bounds_of(&sample),
-        references: &mut sample,
-        mesh: triangles.mesh(),
-        limits,
+    let sample = sample(triangles);
+    let sample_bounds = bounds_of(&sample);
+    let top = Binning {
         weight: SAMPLE_STRIDE as u32,
-        min_split: min_split.max(BUCKET / SAMPLE_STRIDE),
-        options,
-    });
+        min_split: binning.min_split.max(BUCKET / SAMPLE_STRIDE),
+        ..binning
+    }
+    .build_parallel(sample, sample_bounds, limits);
     let buckets = distribute(triangles, &top);
     let bounds = buckets.bounds();
     let total = buckets.total();
@@ -74,18 +67,13 @@ pub(super) fn build(
         .map_init(Vec::new, |scratch, (bucket, &(cell, depth))| {
             scratch.clear();
             buckets.gather(bucket, scratch);
-            dispatch(BinnedSubtree {
-                references: scratch,
-                mesh: triangles.mesh(),
-                cell,
-                limits: limits.below(depth, triangles.len(), total),
-                weight: 1,
-                min_split,
-                options,
-            })
+            let limits = limits.below(depth, triangles.len(), total);
+            binning.build(scratch, cell, limits)
         })
         .collect();
-    (assemble(&top, &subtrees), bounds)
+    // Freeing takes its time, too.
+    let (subtree, ()) = rayon::join(|| assemble(&top, &subtrees), || drop(buckets));
+    (subtree, bounds)
 }
 
 /// Every [`SAMPLE_STRIDE`]th triangle, but for a scramble of the places, so

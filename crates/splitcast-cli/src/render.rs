@@ -10,8 +10,8 @@ use std::time::Instant;
 
 use splitcast::{Aabb, BuildOptions, KdTree, Mesh, NonFinite};
 use splitcast_render::{
-    Camera, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer, Resumed,
-    Settings, Shading, check_writable,
+    Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
+    Resumed, Settings, Shading, check_writable,
 };
 use splitcast_scene::{Frame, FrameSource, Prefetch, SceneError, SequenceInfo};
 
@@ -76,12 +76,22 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     let mut reports = Vec::with_capacity(todo.len());
     let place = |index| input.place(index);
     let places: Vec<String> = todo.iter().map(|&index| place(index)).collect();
+    let mut finished = None;
     for (item, place) in Prefetch::new(input.source, todo).zip(places) {
-        let (index, frame) = item?;
-        let report = render_frame(&renderer, &build, &mut writer, index, &frame, place)?;
+        let rendered = item.map_err(CliError::from).and_then(|(index, frame)| {
+            let hand_over = || hand_over(&mut writer, finished.take());
+            render_frame(&renderer, &build, index, &frame, place, hand_over)
+        });
+        if rendered.is_err() {
+            // What was rendered before is kept, for --resume.
+            hand_over(&mut writer, finished.take())?;
+        }
+        let (report, image) = rendered?;
+        finished = Some((report.frame, image));
         progress.step(&progress_message(&report));
         reports.push(report);
     }
+    hand_over(&mut writer, finished)?;
     progress.finish();
     writer.finish()?;
 
@@ -288,33 +298,46 @@ fn tell_resumed(out: &Path, resume: bool, resumed: &Resumed) {
     }
 }
 
+/// Renders a frame. The picture before it is handed over between building and
+/// tracing: encoding it would compete for the processors with a build of some
+/// milliseconds, and spoil its time.
 fn render_frame(
     renderer: &Renderer,
     build: &BuildOptions,
-    writer: &mut OutputThread,
     index: usize,
     frame: &Frame,
     place: String,
-) -> Result<FrameReport, CliError> {
+    hand_over: impl FnOnce() -> Result<(), CliError>,
+) -> Result<(FrameReport, Image), CliError> {
     let started = Instant::now();
     let tree = build_tree(frame, build, index, &place)?;
     let built = Instant::now();
+    hand_over()?;
+    let tracing = Instant::now();
     let (image, stats) = renderer.render(&tree, frame)?;
     let traced = Instant::now();
-    writer.write(index, image)?;
     let tree_stats = tree.stats();
-    Ok(FrameReport {
+    let report = FrameReport {
         frame: index,
         triangles: frame.triangles.len(),
         skipped_triangles: tree.skipped_triangles(),
         build_ms: milliseconds(built - started),
-        trace_ms: milliseconds(traced - built),
+        trace_ms: milliseconds(traced - tracing),
         rays: stats.rays,
         nodes: tree_stats.nodes,
         references: tree_stats.references,
         sah_cost: tree_stats.sah_cost,
         bytes: tree_stats.bytes,
-    })
+    };
+    Ok((report, image))
+}
+
+/// Passes a finished picture on to be encoded and written.
+fn hand_over(writer: &mut OutputThread, finished: Option<(usize, Image)>) -> Result<(), CliError> {
+    if let Some((index, image)) = finished {
+        writer.write(index, image)?;
+    }
+    Ok(())
 }
 
 fn build_tree<'f>(

@@ -60,18 +60,6 @@ impl Aabb {
         x * y + y * z + z * x
     }
 
-    /// The axis of the longest edge, the first of equals.
-    pub fn longest_axis(&self) -> usize {
-        let [x, y, z] = self.extent();
-        if x >= y && x >= z {
-            0
-        } else if y >= z {
-            1
-        } else {
-            2
-        }
-    }
-
     /// The largest distance on any one axis from `point` to a point of the box.
     #[inline]
     pub fn reach(&self, point: [f32; 3]) -> f32 {

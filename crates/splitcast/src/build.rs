@@ -55,11 +55,6 @@ impl Builder {
     }
 }
 
-impl Preset {
-    /// Every preset, fastest build first.
-    pub const ALL: &'static [Self] = &[Self::FastestBuild, Self::Balanced, Self::BestTree];
-}
-
 impl fmt::Display for Builder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
@@ -109,6 +104,11 @@ pub enum Preset {
     Balanced,
     /// For meshes that are built once and traced for long.
     BestTree,
+}
+
+impl Preset {
+    /// Every preset, fastest build first.
+    pub const ALL: &'static [Self] = &[Self::FastestBuild, Self::Balanced, Self::BestTree];
 }
 
 /// How to build a tree. Start from a preset and change what matters:

@@ -52,7 +52,7 @@ pub enum BuildError {
     Options(#[from] OptionsError),
     /// More leaf references than the 30-bit fields of a node can count.
     #[error(
-        "the tree needs more than {limit} references: use a larger leaf size or a lower depth bound"
+        "the tree needs more than {limit} references: raise min_split, or lower cost.intersection or max_depth"
     )]
     TooManyReferences {
         /// The largest number supported.

@@ -124,7 +124,8 @@ impl<'m> KdTree<'m> {
     /// # Errors
     /// [`BuildError::NonFinite`] names the first vertex that cannot be traced,
     /// unless [`NonFinite::Skip`](crate::NonFinite::Skip) asks to leave its
-    /// triangles out; [`BuildError::Options`] names an option out of bounds.
+    /// triangles out; [`BuildError::Options`] names an option out of bounds;
+    /// [`BuildError::TooManyReferences`] if the tree outgrows its 30-bit indices.
     pub fn build(mesh: Mesh<'m>, options: &BuildOptions) -> Result<Self, BuildError> {
         build::build(mesh, options)
     }

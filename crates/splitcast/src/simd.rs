@@ -23,6 +23,8 @@ pub enum SimdLevel {
     Scalar,
     /// SSE2, part of every x86-64 machine.
     Sse,
+    /// SSE4.2 (x86-64-v2).
+    Sse42,
     /// AVX2 (x86-64-v3).
     Avx2,
     /// AVX-512 as on Ice Lake, Zen 4 and later.
@@ -36,6 +38,7 @@ impl SimdLevel {
     pub const ALL: &'static [Self] = &[
         Self::Scalar,
         Self::Sse,
+        Self::Sse42,
         Self::Avx2,
         Self::Avx512,
         Self::Neon,
@@ -46,6 +49,7 @@ impl SimdLevel {
         match self {
             Self::Scalar => "scalar",
             Self::Sse => "sse",
+            Self::Sse42 => "sse4.2",
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
             Self::Neon => "neon",
@@ -64,6 +68,8 @@ impl SimdLevel {
             Self::Scalar => Some(Level::fallback()),
             #[cfg(target_arch = "x86_64")]
             Self::Sse => best.as_sse2().map(Level::Sse2),
+            #[cfg(target_arch = "x86_64")]
+            Self::Sse42 => best.as_sse4_2().map(Level::Sse4_2),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => best.as_avx2().map(Level::Avx2),
             #[cfg(target_arch = "x86_64")]

@@ -5,10 +5,11 @@ mod suite;
 use proptest::prelude::*;
 use rayon::prelude::*;
 use splitcast::{
-    BuildError, BuildOptions, Builder, CostModel, KdTree, Mesh, NonFinite, OptionsError, Ray,
+    BuildError, BuildOptions, Builder, CostModel, KdTree, Mesh, NonFinite, OptionsError, Preset,
+    Ray,
 };
 use suite::meshes::{Rng, Soup, bumpy_sphere, sphere};
-use suite::{PRESETS, cases, check_mesh, option_sets};
+use suite::{cases, check_mesh, option_sets};
 
 fn mesh(soup: &Soup) -> Mesh<'_> {
     Mesh::new(&soup.positions, &soup.triangles).expect("generated meshes are sound")
@@ -35,7 +36,7 @@ fn trees_do_not_depend_on_the_number_of_threads() {
         .iter()
         .flat_map(|s| Builder::ALL.iter().map(move |b| (s, b)))
     {
-        for preset in PRESETS {
+        for &preset in Preset::ALL {
             let options = BuildOptions {
                 builder,
                 ..BuildOptions::preset(preset)
@@ -228,6 +229,6 @@ fn coordinate() -> impl Strategy<Value = f32> {
 fn the_suite_covers_every_builder_and_preset() {
     let sets = option_sets();
     for builder in Builder::ALL {
-        assert!(sets.iter().filter(|o| o.builder == *builder).count() >= PRESETS.len() + 5);
+        assert!(sets.iter().filter(|o| o.builder == *builder).count() >= Preset::ALL.len() + 5);
     }
 }

@@ -17,7 +17,7 @@ use crate::kd_tree::{Node, NodeKind};
 use crate::simd::{Kernel, dispatch};
 
 /// Triangles that one task takes down: enough to pay for the task, few enough
-/// that sixteen threads share a mesh of 20,000 triangles evenly.
+/// that sixteen threads all have work on a mesh of 20,000 triangles.
 const BATCH: usize = 1024;
 
 /// The triangles of each leaf of a tree, in the order of the mesh.

@@ -12,7 +12,7 @@ pub(super) const MAX_GROWTH: f32 = 128.0;
 const MIN_GROWTH_TRIANGLES: usize = 32;
 
 /// How much may still be added below a node. Depends on the node and its
-/// ancestors alone, so that subtrees can be built in any order: children get
+/// ancestors alone (on the mesh, below a top tree), so that subtrees can be built in any order: children get
 /// equal shares for each of their references, and none depends on what becomes
 /// of the other.
 #[derive(Clone, Copy, Debug)]

@@ -132,9 +132,13 @@ fn content_bounds<S: Simd>(simd: S, references: &[Reference], cell: &Aabb) -> Aa
 #[inline(always)]
 fn spaced_planes<S: Simd>(simd: S, min: f32, max: f32) -> f32x8<S> {
     let planes = f32x8::simd_from(simd, PLACES) * (max - min) + min;
-    // The last one exactly, whatever the rounding.
+    // The outermost stand just outside the content, and so do all in flat content: what lies in a
+    // plane would be counted on neither side.
+    let planes = planes
+        .simd_eq(min)
+        .select(f32x8::splat(simd, min.next_down()), planes);
     let last = mask32x8::from_bitmask(simd, 1 << (PLANES - 1));
-    last.select(f32x8::splat(simd, max), planes)
+    last.select(f32x8::splat(simd, max.next_up()), planes)
 }
 
 /// For each plane of each axis the number of triangles that begin below and
@@ -339,7 +343,10 @@ mod tests {
         cost: &CostModel,
     ) -> f32 {
         let SplitCandidate { axis, position } = split;
-        let left = references.iter().filter(|r| r.min[axis] < position).count();
+        let left = references
+            .iter()
+            .filter(|r| r.min[axis] < position || r.max[axis] <= position)
+            .count();
         let right = references.iter().filter(|r| r.max[axis] > position).count();
         let (left_cell, right_cell) = cell.split(axis, position);
         cost.split(
@@ -378,10 +385,10 @@ mod tests {
                 .flat_map(|axis| PLACES.map(|place| (axis, place)))
                 .map(|(axis, place)| SplitCandidate {
                     axis,
-                    position: if place == 1.0 {
-                        content.max[axis]
-                    } else {
-                        place * (content.max[axis] - content.min[axis]) + content.min[axis]
+                    position: match place * (content.max[axis] - content.min[axis]) + content.min[axis] {
+                        _ if place == 1.0 => content.max[axis].next_up(),
+                        position if position == content.min[axis] => position.next_down(),
+                        position => position,
                     },
                 })
                 .filter(|s| s.position > cell.min[s.axis] && s.position < cell.max[s.axis])
@@ -415,9 +422,30 @@ mod tests {
             split,
             Some(SplitCandidate {
                 axis: 0,
-                position: 0.9
+                position: 0.9_f32.next_down()
             })
         );
+    }
+
+    #[test]
+    fn a_wall_across_an_axis_is_cut_out_from_both_sides() {
+        let corners = [[0.5, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, 0.0, 1.0]];
+        let references: Vec<_> = (0..20)
+            .map(|index| Reference::of_triangle(corners, index))
+            .collect();
+        let cost = CostModel {
+            intersection: 10.0,
+            ..CostModel::default()
+        };
+        let cell = Aabb {
+            min: [0.0; 3],
+            max: [1.0; 3],
+        };
+        let first = dispatch(Search(&references, cell, cost)).expect("half the cell is empty");
+        assert_eq!((first.axis, first.position), (0, 0.5_f32.next_down()));
+        let (_, rest) = cell.split(first.axis, first.position);
+        let second = dispatch(Search(&references, rest, cost)).expect("nearly all is empty");
+        assert_eq!((second.axis, second.position), (0, 0.5_f32.next_up()));
     }
 
     #[test]

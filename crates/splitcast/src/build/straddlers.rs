@@ -3,7 +3,7 @@
 //!
 //! Boxes of whole triangles reach into cells that the triangles miss. Cutting
 //! the boxes at every plane costs builders that sort boxes a third of their
-//! time, and saves as much of a tree's references (Wald & Havran 2006 call
+//! time, and saves as large a share of a tree's references (Wald & Havran 2006 call
 //! them perfect splits).
 
 use fearless_simd::f32x8;
@@ -16,10 +16,11 @@ use crate::aabb::{lower, upper};
 /// Straddlers divided at once: one 256-bit register of single-precision values.
 pub(super) const LANES: usize = 8;
 
-/// Rounding of a point computed on an edge, relative to the largest
-/// coordinates of its ends: the difference, weight, product and sum are each
-/// off by half a unit of 2⁻²³ of them, the weight by two more.
-const EDGE_ROUNDING: f32 = 4.0 * f32::EPSILON;
+/// Rounding of a point computed on an edge, relative to the largest coordinate
+/// M of the triangle. In half units of 2⁻²³ of M: the difference of the ends, at
+/// most 2M, is off by 2, its product with the weight by 2 more and by 4 for the
+/// weight's own error, the sum by 1: 9. Six whole units leave room.
+const EDGE_ROUNDING: f32 = 6.0 * f32::EPSILON;
 
 /// A value for each straddler.
 pub(super) type Lanes = [f32; LANES];
@@ -29,7 +30,7 @@ pub(super) type Corners<S> = [[f32x8<S>; 3]; 3];
 
 /// How many members of a node a plane sent where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct SideCounts {
+pub(super) struct SortedCounts {
     pub(super) left: usize,
     pub(super) right: usize,
     pub(super) straddling: usize,
@@ -51,7 +52,7 @@ pub(super) fn sort_by_side<T: Copy>(
     straddlers: &mut [T],
     extent: impl Fn(&T) -> (f32, f32),
     position: f32,
-) -> SideCounts {
+) -> SortedCounts {
     let (mut ending_right, mut straddling) = (0, 0);
     for read in 0..own.len() {
         let (min, max) = extent(&own[read]);
@@ -63,7 +64,7 @@ pub(super) fn sort_by_side<T: Copy>(
         ending_right += ends_right;
         straddling += ends_right & begins_left;
     }
-    SideCounts {
+    SortedCounts {
         left: own.len() - ending_right,
         right: ending_right - straddling,
         straddling,
@@ -207,7 +208,7 @@ impl<S: Simd> Cut<S> {
                 .max(points[2] - off[2])
         };
         let (edge_min, edge_max) = (min(&edges, &self.off_edge), max(&edges, &self.off_edge));
-        let rounding = a.abs().max(b.abs()).max(c.abs()) * EDGE_ROUNDING;
+        let rounding = a.abs().max(b.abs()).max(c.abs()) * EDGE_ROUNDING + f32::MIN_POSITIVE;
         Parts {
             left_min: min(&corners, &self.off_left).min(edge_min) - rounding,
             left_max: max(&corners, &self.off_left).max(edge_max) + rounding,

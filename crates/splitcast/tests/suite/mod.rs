@@ -22,13 +22,11 @@ use splitcast::{
 const BRUTE_FORCE_TESTS: usize = 1_000_000;
 
 /// Every preset, fastest build first.
-pub(crate) const PRESETS: [Preset; 3] = [Preset::FastestBuild, Preset::Balanced, Preset::BestTree];
-
 /// Every builder with every preset, and with bounds that make it stop early or never.
 pub(crate) fn option_sets() -> Vec<BuildOptions> {
     let mut sets = Vec::new();
     for &builder in Builder::ALL {
-        for preset in PRESETS {
+        for &preset in Preset::ALL {
             let options = BuildOptions {
                 builder,
                 non_finite: NonFinite::Skip,

@@ -79,9 +79,7 @@ impl Reference {
             max: self.max,
         }
     }
-}
 
-impl Reference {
     /// Whether nothing is left of the triangle.
     #[inline(always)]
     pub(crate) fn is_empty(&self) -> bool {

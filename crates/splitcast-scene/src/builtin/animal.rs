@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::BuiltinScene;
 use super::check_frame_index;
 use super::implicit::{Body, Part};
 use super::skeleton::{Pose, Skeleton};
@@ -82,12 +83,26 @@ impl Rig {
 
 /// An animal that moves: a source of frames.
 pub(super) struct Animal {
-    pub(super) name: &'static str,
-    pub(super) frames: usize,
-    pub(super) frames_per_second: f32,
-    pub(super) skeleton: Skeleton,
-    pub(super) skin: Skin,
-    pub(super) gait: Gait,
+    name: &'static str,
+    frames: usize,
+    frames_per_second: f32,
+    skeleton: Skeleton,
+    skin: Skin,
+    gait: Gait,
+}
+
+impl Animal {
+    /// The animal of a scene: its rig, meshed with cells of edge `cell`.
+    pub(super) fn new(scene: &BuiltinScene, rig: Rig, cell: f32, paint: Paint, gait: Gait) -> Self {
+        Self {
+            name: scene.name,
+            frames: scene.frames,
+            frames_per_second: scene.frames_per_second,
+            skin: rig.skin(cell, paint),
+            skeleton: rig.skeleton,
+            gait,
+        }
+    }
 }
 
 impl FrameSource for Animal {

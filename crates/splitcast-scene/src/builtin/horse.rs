@@ -26,14 +26,5 @@ pub(super) const SCENE: BuiltinScene = BuiltinScene {
 const CELL: f32 = 0.0314;
 
 fn horse() -> Animal {
-    let rig = body::rig();
-    let skin = rig.skin(CELL, body::paint);
-    Animal {
-        name: SCENE.name,
-        frames: SCENE.frames,
-        frames_per_second: SCENE.frames_per_second,
-        skeleton: rig.skeleton,
-        skin,
-        gait: gait::pose,
-    }
+    Animal::new(&SCENE, body::rig(), CELL, body::paint, gait::pose)
 }

@@ -30,6 +30,7 @@
 mod aabb;
 mod build;
 mod error;
+pub mod filter;
 mod kd_tree;
 mod mesh;
 mod ray;

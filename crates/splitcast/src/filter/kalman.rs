@@ -167,7 +167,8 @@ impl KalmanFilter {
     }
 
     /// Variance P of the state's error, 0 or more; as with the state, that of the last
-    /// step taken.
+    /// step taken. Infinite, and its component no more corrected, once it has left the
+    /// range of single precision.
     pub fn covariance(&self) -> &[f32] {
         &self.covariance
     }
@@ -220,8 +221,7 @@ impl Predictor for KalmanFilter {
         let (a, q) = (self.model.transition, self.model.process_noise);
         for (x, p) in self.state.iter_mut().zip(&mut self.covariance) {
             *x *= a;
-            // Held finite: an infinite variance times A = 0 is not a number.
-            *p = (a * *p * a + q).min(f32::MAX);
+            *p = a * *p * a + q;
         }
         self.predictions.copy_from_slice(&self.state);
         &self.predictions

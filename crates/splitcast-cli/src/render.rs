@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
-use splitcast::{Aabb, BuildOptions, KdTree, Mesh, NonFinite};
+use splitcast::{Aabb, BuildOptions, KdTree, Mesh, NonFinite, SequenceBuilder};
 use splitcast_render::{
     Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
     Resumed, Settings, Shading, check_writable,
@@ -57,7 +57,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
         non_finite: args.non_finite,
         ..BuildOptions::default()
     };
-    refuse_non_finite(&mut input, &info, &frames, &build)?;
+    let mut builder =
+        SequenceBuilder::new(&build).map_err(|error| CliError::Usage(error.to_string()))?;
+    refuse_non_finite(&mut input, &info, &frames, &builder)?;
     let bounds = info.bounds.map_or(Aabb::EMPTY, |bounds| Aabb {
         min: bounds.min,
         max: bounds.max,
@@ -80,7 +82,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     for (item, place) in Prefetch::new(input.source, todo).zip(places) {
         let rendered = item.map_err(CliError::from).and_then(|(index, frame)| {
             let hand_over = || hand_over(&mut writer, finished.take());
-            render_frame(&renderer, &build, index, &frame, place, hand_over)
+            render_frame(&renderer, &mut builder, index, &frame, place, hand_over)
         });
         if rendered.is_err() {
             // What was rendered before is kept, for --resume.
@@ -221,15 +223,15 @@ fn refuse_non_finite(
     input: &mut Input,
     info: &SequenceInfo,
     frames: &Range<usize>,
-    build: &BuildOptions,
+    builder: &SequenceBuilder,
 ) -> Result<(), CliError> {
-    if build.non_finite == NonFinite::Skip {
+    if builder.options().non_finite == NonFinite::Skip {
         return Ok(());
     }
     for index in frames.clone() {
         if info.frames[index].non_finite > 0 {
             let frame = input.source.frame(index)?;
-            build_tree(&frame, build, index, &input.place(index))?;
+            build_tree(&frame, &mut builder.clone(), index, &input.place(index))?;
         }
     }
     Ok(())
@@ -303,14 +305,14 @@ fn tell_resumed(out: &Path, resume: bool, resumed: &Resumed) {
 /// milliseconds, and spoil its time.
 fn render_frame(
     renderer: &Renderer,
-    build: &BuildOptions,
+    builder: &mut SequenceBuilder,
     index: usize,
     frame: &Frame,
     place: String,
     hand_over: impl FnOnce() -> Result<(), CliError>,
 ) -> Result<(FrameReport, Image), CliError> {
     let started = Instant::now();
-    let tree = build_tree(frame, build, index, &place)?;
+    let tree = build_tree(frame, builder, index, &place)?;
     let built = Instant::now();
     hand_over()?;
     let tracing = Instant::now();
@@ -342,7 +344,7 @@ fn hand_over(writer: &mut OutputThread, finished: Option<(usize, Image)>) -> Res
 
 fn build_tree<'f>(
     frame: &'f Frame,
-    options: &BuildOptions,
+    builder: &mut SequenceBuilder,
     index: usize,
     place: &str,
 ) -> Result<KdTree<'f>, CliError> {
@@ -353,7 +355,7 @@ fn build_tree<'f>(
     };
     let mesh =
         Mesh::new(&frame.positions, &frame.triangles).map_err(|error| failed(error.to_string()))?;
-    KdTree::build(mesh, options).map_err(|error| {
+    builder.build(mesh).map_err(|error| {
         let remedy = if matches!(error, splitcast::BuildError::NonFinite { .. }) {
             "; use --non-finite skip"
         } else {

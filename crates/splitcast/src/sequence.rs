@@ -458,6 +458,48 @@ mod tests {
         }
     }
 
+    /// Algorithm 1 by hand, for the root's split, beside what the builder does.
+    #[test]
+    fn predictions_follow_the_filters_equations() {
+        let mut options = options(Builder::Kalman);
+        options.tracking.noise.process = 0.5;
+        options.tracking.noise.measurement = 0.01;
+        let mut sequence = SequenceBuilder::new(&options).unwrap();
+        let (mut x, mut p, mut model) = (0.0, 0.0, None);
+        let mut followed = 0;
+        for frame in 0..8 {
+            let (mut positions, triangles) = sheet(40, 0.0);
+            for position in &mut positions {
+                position[0] += 0.01 * frame as f32;
+            }
+            let mesh = Mesh::new(&positions, &triangles).unwrap();
+            sequence.build(mesh).unwrap();
+            let report = sequence.report();
+            let root = report.splits[0];
+            let model = *model.get_or_insert_with(|| {
+                let initial: Vec<f32> = report.splits.iter().map(|split| split.position).collect();
+                options.tracking.noise.kalman_model(&initial).unwrap()
+            });
+            if frame == 0 || !matches!(root.outcome, Outcome::Matched | Outcome::Drifted) {
+                (x, p) = (f64::from(root.position), 0.0);
+            } else {
+                let predicted = f64::from(root.predicted.unwrap());
+                assert!(
+                    (predicted - x).abs() < 1e-5,
+                    "frame {frame}: {predicted}, not {x}"
+                );
+                followed += 1;
+            }
+            let z = f64::from(root.observed.unwrap());
+            assert!((z / f64::from(root.position) - 1.0).abs() < 0.06);
+            let prior = p + f64::from(model.process_noise);
+            let gain = prior / (prior + f64::from(model.measurement_noise));
+            x += gain * (z - x);
+            p = (1.0 - gain) * prior;
+        }
+        assert!(followed > 4, "{followed}");
+    }
+
     #[test]
     fn any_number_of_threads_gives_the_same_trees() {
         for builder in [Builder::Search, Builder::Kalman, Builder::Wiener] {

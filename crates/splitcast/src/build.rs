@@ -3,7 +3,9 @@
 
 mod binned;
 mod binned_subtree;
+mod cell_areas;
 mod clip;
+mod descent;
 mod distribute;
 mod limits;
 mod plane_search;

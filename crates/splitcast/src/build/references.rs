@@ -200,6 +200,17 @@ pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aab
     }
 }
 
+/// The part of the cell that references take up.
+#[inline(always)]
+pub(super) fn content_bounds<S: Simd>(simd: S, references: &[Reference], cell: &Aabb) -> Aabb {
+    let mut content = bounds_of_lanes(simd, references);
+    for axis in 0..3 {
+        content.min[axis] = content.min[axis].max(cell.min[axis]);
+        content.max[axis] = content.max[axis].min(cell.max[axis]);
+    }
+    content
+}
+
 /// Names the first vertex that keeps a triangle from being used.
 fn first_unusable(mesh: Mesh<'_>) -> BuildError {
     let culprit = mesh

@@ -35,12 +35,12 @@ impl Binning<'_> {
     /// Builds the same subtree on all threads.
     pub(super) fn build_parallel(
         mut self,
-        references: Vec<Reference>,
+        mut references: Vec<Reference>,
         cell: Aabb,
         limits: Limits,
     ) -> Subtree {
         let mesh = self.mesh;
-        descent::build_parallel(&mut self, mesh, references, start(cell, limits))
+        descent::build_parallel(&mut self, mesh, &mut references, start(cell, limits))
     }
 }
 

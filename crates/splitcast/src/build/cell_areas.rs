@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 use crate::{Aabb, CostModel};
 
 /// What it takes to tell the sides' shares of a cell's area for any plane.
-pub(super) struct CellAreas<'a> {
+pub(crate) struct CellAreas<'a> {
     cell: &'a Aabb,
     /// The faces across each axis, as shares of the cell's area.
     faces: [f32; 3],
@@ -16,7 +16,7 @@ pub(super) struct CellAreas<'a> {
 
 impl<'a> CellAreas<'a> {
     #[inline(always)]
-    pub(super) fn new(cell: &'a Aabb) -> Self {
+    pub(crate) fn new(cell: &'a Aabb) -> Self {
         let [x, y, z] = cell.extent();
         let inverse_area = cell.half_area().recip();
         Self {
@@ -57,7 +57,7 @@ impl<'a> CellAreas<'a> {
     /// What a split at one plane costs, with so many references on each side; infinity for a
     /// plane on the cell's border or outside.
     #[inline(always)]
-    pub(super) fn split_cost(
+    pub(crate) fn split_cost(
         &self,
         axis: usize,
         cost: &CostModel,

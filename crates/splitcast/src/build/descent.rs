@@ -13,7 +13,7 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 
 use super::limits::Limits;
-use super::straddlers::{divide, sort_by_side};
+use super::straddlers::{divide, sort_by_side, sort_to_both_sides};
 use super::subtree::OpenInner;
 use super::{NodeWriter, Reference, Subtree};
 use crate::simd::{Kernel, dispatch};
@@ -109,28 +109,29 @@ pub(super) fn build<P: SplitPolicy>(
 pub(super) fn build_parallel<P: SplitPolicy>(
     policy: &mut P,
     mesh: Mesh<'_>,
-    mut references: Vec<Reference>,
+    references: &mut Vec<Reference>,
     node: NodeStart<P::Place>,
 ) -> Subtree {
-    if references.len() <= PARALLEL {
-        return build(policy, mesh, &mut references, node);
+    // Passing pieces between threads costs some copying.
+    if references.len() <= PARALLEL || rayon::current_num_threads() == 1 {
+        return build(policy, mesh, references, node);
     }
     let mut writer = NodeWriter::default();
     let count = references.len();
     let step = dispatch(Step {
         policy: &mut *policy,
         mesh,
-        references: &mut references,
+        references: &mut *references,
         node: &node,
     });
-    let Some((split, left)) = step else {
+    let Some((split, mut left)) = step else {
         writer.leaf(references.iter().map(|reference| reference.triangle));
         return writer.finish();
     };
     let (left_node, right_node) = node.children(&split, count, left.len() + references.len());
     let (mut left_policy, mut right_policy) = (policy.fork(), policy.fork());
     let (left, right) = rayon::join(
-        || build_parallel(&mut left_policy, mesh, left, left_node),
+        || build_parallel(&mut left_policy, mesh, &mut left, left_node),
         || build_parallel(&mut right_policy, mesh, references, right_node),
     );
     policy.absorb(left_policy);
@@ -198,6 +199,7 @@ impl<P: SplitPolicy> Kernel for Descent<'_, P> {
         } = self;
         // Enough for most subtrees: leaves of a dozen references, two references a triangle.
         let total = references.len();
+        references.reserve(2 * total);
         let mut writer = NodeWriter::with_capacity(total / 3, 2 * total);
         let mut straddlers = Vec::new();
         let mut right_children: Vec<(OpenInner, Range<usize>, NodeStart<P::Place>)> = Vec::new();
@@ -249,37 +251,29 @@ fn partition<S: Simd, P: SplitPolicy>(
     if references.len() < end + count {
         references.resize(end + count, Reference::ZERO);
     }
-    if straddlers.len() < count {
-        straddlers.resize(count, Reference::ZERO);
-    }
     let SplitCandidate { axis, position } = *split;
     let (own, behind) = references.split_at_mut(end);
     let own = &mut own[node.start..];
     let behind = &mut behind[..count];
-    // A function of its own: in the middle of the kernel the loop runs out of registers.
+    let extent = |reference: &Reference| (reference.min[axis], reference.max[axis]);
+    // Functions of their own: in the middle of the kernel the loops run out of registers.
+    if !P::CUTS {
+        return simd.vectorize(
+            #[inline(always)]
+            || sort_to_both_sides(own, behind, extent, position),
+        );
+    }
+    if straddlers.len() < count {
+        straddlers.resize(count, Reference::ZERO);
+    }
     let sorted = simd.vectorize(
         #[inline(always)]
-        || {
-            sort_by_side(
-                own,
-                behind,
-                &mut straddlers[..count],
-                |reference| (reference.min[axis], reference.max[axis]),
-                position,
-            )
-        },
+        || sort_by_side(own, behind, &mut straddlers[..count], extent, position),
     );
-    let (left, right) = (sorted.left, sorted.right);
-    let straddlers = &straddlers[..sorted.straddling];
-    if !P::CUTS {
-        behind[left..][..straddlers.len()].copy_from_slice(straddlers);
-        own[right..][..straddlers.len()].copy_from_slice(straddlers);
-        return (left + straddlers.len(), right + straddlers.len());
-    }
-    let (mut left, mut right) = (left, right);
+    let (mut left, mut right) = (sorted.left, sorted.right);
     divide(
         simd,
-        straddlers,
+        &straddlers[..sorted.straddling],
         mesh,
         axis,
         position,

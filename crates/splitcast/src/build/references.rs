@@ -149,11 +149,18 @@ impl<'m> Triangles<'m> {
 
     /// References to all usable triangles, in the mesh's order.
     pub(crate) fn references(&self) -> Vec<Reference> {
+        let mut references = Vec::new();
+        self.references_into(&mut references);
+        references
+    }
+
+    /// [`Triangles::references`] in memory that is there already.
+    pub(crate) fn references_into(&self, references: &mut Vec<Reference>) {
         (0..self.len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|place| self.reference(place))
-            .collect()
+            .collect_into_vec(references);
     }
 }
 

@@ -10,6 +10,7 @@ mod paper;
 mod rows;
 mod scene;
 mod settings;
+mod survey;
 mod terminal;
 mod thumbnails;
 

@@ -3,8 +3,9 @@
 
 use splitcast_report::{Axis, Dash, Family, Plot, Role, Series};
 
-use super::builds::{BuildFigures, FrameMeasurement, Level, Outcomes, SceneMeasurement};
+use super::builds::{BuildFigures, FrameMeasurement, Level, Outcomes, SceneMeasurement, ratio};
 use super::nodes::{AxisFrame, AxisTrack, NodeTrack, Prediction};
+use super::paper::SAH_GOAL;
 use super::settings::Contender;
 
 /// Shown in place of what needs a second frame.
@@ -48,6 +49,7 @@ impl SceneFigures {
             figures.extend(node_figures(&prefix, node));
         }
         root.push(build_time(format!("figure3-{file}-build-time"), scene));
+        root.push(cost_ratio(format!("{file}-cost"), scene));
         Self {
             root,
             nodes: below,
@@ -101,8 +103,8 @@ fn node_figures(prefix: &str, node: &NodeTrack) -> Vec<SceneFigure> {
             plot: positions(&name, axis),
             caption: format!(
                 "Where the {name} is best split across {letter}, and where the filters had \
-                 expected it. Dots are the virtual observations, the plane with measurement noise \
-                 added. {origin}"
+                 expected it. Marks are the virtual observations, the plane with measurement \
+                 noise added. {origin}"
             ),
         }
     });
@@ -189,6 +191,39 @@ fn build_time(file: String, scene: &SceneMeasurement) -> SceneFigure {
     }
 }
 
+fn cost_ratio(file: String, scene: &SceneMeasurement) -> SceneFigure {
+    let cost = |contender| {
+        running(scene, contender).map(|(frame, build)| {
+            let normal = frame.build(Contender::Normal);
+            let ratio = normal.and_then(|normal| ratio(build.sah_cost, normal.sah_cost));
+            (frame.frame as f64, ratio.unwrap_or(f64::NAN))
+        })
+    };
+    let frames = running(scene, Contender::Normal).map(|(frame, _)| (frame.frame as f64, SAH_GOAL));
+    SceneFigure {
+        file,
+        plot: Plot::new("Cost of running trees")
+            .x(Axis::new("frame").whole())
+            .y(Axis::new("SAH cost over that of the normal tree").include(1.0))
+            .no_data(NO_RUNNING_BUILD)
+            .series(Series::line("kalman", cost(Contender::Kalman)).role(Role::S2))
+            .series(
+                Series::line("wiener", cost(Contender::Wiener))
+                    .role(Role::S3)
+                    .dash(Dash::Dashed),
+            )
+            .series(
+                Series::line("goal", frames)
+                    .role(Role::Muted)
+                    .dash(Dash::Dotted),
+            ),
+        caption: "Expected cost of the tracked trees, relative to the normal tree of the same \
+                  frame. A curve that rises with the frames would mean that planes are held on to \
+                  for too long."
+            .to_owned(),
+    }
+}
+
 fn evaluations_by_level(file: String, scene: &SceneMeasurement) -> SceneFigure {
     let series = |contender: Contender| {
         let levels = running_levels(scene, contender).into_iter().enumerate();
@@ -234,8 +269,8 @@ fn error_by_depth(file: String, scene: &SceneMeasurement) -> SceneFigure {
                     .dash(Dash::Dashed),
             ),
         caption: "Difference of prediction and plane as a share of the node’s extent, by depth, \
-                  over all frames but the first. Nodes get smaller with depth while the motion \
-                  does not, so the error grows."
+                  over all frames but the first. Nodes get smaller with depth, and the \
+                  motion does not."
             .to_owned(),
     }
 }

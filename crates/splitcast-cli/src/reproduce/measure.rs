@@ -13,9 +13,9 @@ use splitcast_render::BenchmarkRays;
 use splitcast_scene::Frame;
 
 use super::builds::{BuildFigures, FrameMeasurement, SceneMeasurement};
-use super::nodes::Survey;
 use super::scene::Scene;
 use super::settings::{Contender, Settings};
+use super::survey::Survey;
 use crate::error::CliError;
 use crate::fingerprint::Fingerprint;
 use crate::input::{build_failed, mesh};

@@ -11,6 +11,7 @@ use crate::args::FrameRange;
 use crate::error::{CliError, warn};
 use crate::input::{Input, Watched, build_tree, mesh};
 use crate::progress::Progress;
+use crate::summary::count;
 
 /// Most bytes of frames that one scene keeps in memory; what does not fit is
 /// read again in every round. Enough for 252,500 triangles in 100 frames.
@@ -70,11 +71,12 @@ impl Scene {
                 excerpt.number(first)
             ));
         }
-        if let Some(&first) = info.topology_changes.first() {
+        let changes = excerpt.topology_changes(&measured)?;
+        if let Some(&first) = changes.first() {
             notes.push(format!(
-                "The triangles change {} times, first at frame {}. Tracking goes on across such a \
+                "The triangles change {}, first at frame {}. Tracking goes on across such a \
                  change, since it follows planes and not vertices.",
-                info.topology_changes.len(),
+                count(changes.len(), "time"),
                 excerpt.number(first)
             ));
         }
@@ -134,7 +136,12 @@ impl Excerpt {
         if let Some(frame) = &self.kept[index] {
             return Ok(Arc::clone(frame));
         }
-        let frame = Arc::new(self.input.source.frame(self.number(index))?);
+        let frame = match self.input.source.frame(self.number(index)) {
+            // Refused as a file, but no reason to give up on a sequence.
+            Err(SceneError::NoGeometry { .. }) => Frame::default(),
+            frame => frame?,
+        };
+        let frame = Arc::new(frame);
         if let Some(room) = self.room.checked_sub(bytes(&frame)) {
             self.room = room;
             self.kept[index] = Some(Arc::clone(&frame));
@@ -163,6 +170,19 @@ impl Excerpt {
                 Ok(!(0..found.triangles as u32).any(|triangle| mesh.is_traceable(triangle)))
             }
         }
+    }
+
+    /// Those of `frames` whose triangles differ from those of the one before.
+    fn topology_changes(&mut self, frames: &[usize]) -> Result<Vec<usize>, SceneError> {
+        let mut changes = Vec::new();
+        for pair in frames.windows(2) {
+            let (before, after) = (self.get(pair[0])?, self.get(pair[1])?);
+            let shared = Arc::ptr_eq(&before.triangles, &after.triangles);
+            if !shared && before.triangles != after.triangles {
+                changes.push(pair[1]);
+            }
+        }
+        Ok(changes)
     }
 }
 

@@ -18,9 +18,9 @@ pub(crate) fn table_1(rows: &[Row]) -> String {
         ("build", Left),
         ("triangles", Right),
         ("frames", Right),
-        ("normal ms", Right),
-        ("initial ms", Right),
-        ("running ms", Right),
+        ("normal", Right),
+        ("initial", Right),
+        ("running", Right),
         ("+ filter", Right),
         ("reduced", Right),
         ("goal", Right),
@@ -35,7 +35,7 @@ pub(crate) fn table_1(rows: &[Row]) -> String {
         if let Some(paper) = paper {
             lines.push(vec![
                 row.scene.clone(),
-                format!("paper ({})", paper.scene),
+                "paper".to_owned(),
                 table::grouped(paper.triangles),
                 paper.frames.to_string(),
                 figure(paper.normal_ms),
@@ -73,7 +73,7 @@ pub(crate) fn table_1(rows: &[Row]) -> String {
     }
     let mut text = table::layout(&columns, &lines);
     text.push_str(&format!(
-        "times are medians; running is without the filter, as in the paper; SAH/normal is to be at \
+        "times are medians in ms; running is without the filter, as in the paper; SAH/normal is to be at \
          most {SAH_GOAL}\n"
     ));
     text

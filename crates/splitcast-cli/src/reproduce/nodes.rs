@@ -129,8 +129,17 @@ struct Sighting {
     split: Option<SplitRecord>,
     /// Where it splits in that of the Wiener predictor.
     wiener: Option<SplitRecord>,
-    /// For each axis the cost curve, and its lowest point more precisely.
-    curves: [(Vec<(f32, f32)>, Option<f32>); 3],
+    /// One for each axis.
+    curves: [CostCurve; 3],
+}
+
+/// Costs of splitting a node across one axis.
+#[derive(Clone, Debug)]
+struct CostCurve {
+    /// Planes and costs.
+    points: Vec<(f32, f32)>,
+    /// The plane of the lowest cost, searched more closely.
+    optimum: Option<f32>,
 }
 
 impl Sighting {
@@ -177,12 +186,7 @@ fn find(tree: &KdTree<'_>, path: &NodePath) -> Option<(usize, Aabb)> {
 
 /// Cost at planes across the whole cell, and the best of them, searched once
 /// more between its neighbours.
-fn cost_curve(
-    tree: &KdTree<'_>,
-    node: usize,
-    cell: &Aabb,
-    axis: usize,
-) -> (Vec<(f32, f32)>, Option<f32>) {
+fn cost_curve(tree: &KdTree<'_>, node: usize, cell: &Aabb, axis: usize) -> CostCurve {
     let curve = |from: f32, to: f32, count: usize| -> Vec<(f32, f32)> {
         let position = |i| from + (to - from) * (i as f32 / (count - 1) as f32);
         let positions: Vec<f32> = (0..count).map(position).collect();
@@ -202,7 +206,10 @@ fn cost_curve(
         let fine = curve(from, to, REFINED_POINTS);
         lowest(&fine).map_or(coarse[best].0, |best| fine[best].0)
     });
-    (coarse, optimum)
+    CostCurve {
+        points: coarse,
+        optimum,
+    }
 }
 
 /// The two axes along which the motion reaches farthest, in their order.
@@ -230,11 +237,11 @@ fn axis_track(
     let is_tracked = seen.iter().all(|s| on_axis(&s.split).is_some());
     let mut frames: Vec<AxisFrame> = Vec::with_capacity(seen.len());
     for sighting in seen {
-        let (curve, optimum) = &sighting.curves[axis];
+        let CostCurve { points, optimum } = &sighting.curves[axis];
         let split = on_axis(&sighting.split);
         frames.push(AxisFrame {
             frame: sighting.frame,
-            curve: curve.clone(),
+            curve: points.clone(),
             position: if is_tracked {
                 split.as_ref().map(|split| split.position)
             } else {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use splitcast::{BuildError, BuildOptions, KdTree, Mesh, NonFinite};
+use splitcast::{BuildError, KdTree, Mesh, NonFinite, SequenceBuilder};
 use splitcast_scene::{Frame, FrameSource, MeshSequence, SceneError, SequenceInfo, builtin};
 
 use crate::args::FrameRange;
@@ -73,15 +73,15 @@ impl Input {
         &mut self,
         info: &SequenceInfo,
         frames: Range<usize>,
-        build: &BuildOptions,
+        builder: &SequenceBuilder,
     ) -> Result<(), CliError> {
-        if build.non_finite == NonFinite::Skip {
+        if builder.options().non_finite == NonFinite::Skip {
             return Ok(());
         }
         for index in frames {
             if info.frames[index].non_finite > 0 {
                 let frame = self.source.frame(index)?;
-                build_tree(&frame, build, index, &self.place(index))?;
+                build_tree(&frame, &mut builder.clone(), index, &self.place(index))?;
             }
         }
         Ok(())
@@ -126,15 +126,25 @@ impl<W: FnMut(&Frame) + Send> FrameSource for Watched<'_, W> {
     }
 }
 
-/// The tree of a frame; an error names the frame and its `place`.
+/// The tree of the next frame; an error names the frame and its `place`.
 pub(crate) fn build_tree<'f>(
     frame: &'f Frame,
-    options: &BuildOptions,
+    builder: &mut SequenceBuilder,
     index: usize,
     place: &str,
 ) -> Result<KdTree<'f>, CliError> {
-    let mesh = mesh(frame, index, place)?;
-    KdTree::build(mesh, options).map_err(|error| build_failed(&error, index, place))
+    builder.build(mesh(frame, index, place)?).map_err(|error| {
+        let remedy = if matches!(error, BuildError::NonFinite { .. }) {
+            "; use --non-finite skip"
+        } else {
+            ""
+        };
+        CliError::Frame {
+            index,
+            place: place.to_owned(),
+            reason: format!("{error}{remedy}"),
+        }
+    })
 }
 
 /// The mesh of a frame; an error names the frame and its `place`.
@@ -144,20 +154,6 @@ pub(crate) fn mesh<'f>(frame: &'f Frame, index: usize, place: &str) -> Result<Me
         place: place.to_owned(),
         reason: error.to_string(),
     })
-}
-
-/// A failed build, with the frame, its `place`, and the remedy if there is one.
-pub(crate) fn build_failed(error: &BuildError, index: usize, place: &str) -> CliError {
-    let remedy = if matches!(error, BuildError::NonFinite { .. }) {
-        "; use --non-finite skip"
-    } else {
-        ""
-    };
-    CliError::Frame {
-        index,
-        place: place.to_owned(),
-        reason: format!("{error}{remedy}"),
-    }
 }
 
 /// The names of the built-in scenes as a list in words.

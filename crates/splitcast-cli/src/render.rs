@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::Instant;
 
-use splitcast::{Aabb, BuildOptions, NonFinite};
+use splitcast::{Aabb, BuildOptions, NonFinite, SequenceBuilder};
 use splitcast_render::{
     Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
     Resumed, Settings, Shading, check_writable,
@@ -56,7 +56,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
         non_finite: args.non_finite,
         ..BuildOptions::default()
     };
-    input.refuse_non_finite(&info, frames.clone(), &build)?;
+    let mut builder =
+        SequenceBuilder::new(&build).map_err(|error| CliError::Usage(error.to_string()))?;
+    input.refuse_non_finite(&info, frames.clone(), &builder)?;
     let bounds = info.bounds.map_or(Aabb::EMPTY, |bounds| Aabb {
         min: bounds.min,
         max: bounds.max,
@@ -79,7 +81,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     for (item, place) in Prefetch::new(input.source, todo).zip(places) {
         let rendered = item.map_err(CliError::from).and_then(|(index, frame)| {
             let hand_over = || hand_over(&mut writer, finished.take());
-            render_frame(&renderer, &build, index, &frame, place, hand_over)
+            render_frame(&renderer, &mut builder, index, &frame, place, hand_over)
         });
         if rendered.is_err() {
             // What was rendered before is kept, for --resume.
@@ -232,14 +234,14 @@ fn tell_resumed(out: &Path, resume: bool, resumed: &Resumed) {
 /// milliseconds, and spoil its time.
 fn render_frame(
     renderer: &Renderer,
-    build: &BuildOptions,
+    builder: &mut SequenceBuilder,
     index: usize,
     frame: &Frame,
     place: String,
     hand_over: impl FnOnce() -> Result<(), CliError>,
 ) -> Result<(FrameReport, Image), CliError> {
     let started = Instant::now();
-    let tree = build_tree(frame, build, index, &place)?;
+    let tree = build_tree(frame, builder, index, &place)?;
     let built = Instant::now();
     hand_over()?;
     let tracing = Instant::now();

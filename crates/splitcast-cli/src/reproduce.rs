@@ -92,9 +92,9 @@ fn reproduce(args: &ReproduceArgs, settings: &Settings) -> Result<Vec<Row>, CliE
     } else {
         args.input.clone()
     };
-    let options = settings.options(Contender::Normal);
+    let builder = settings.builder(Contender::Normal)?;
     let scenes = inputs.iter();
-    let scenes = scenes.map(|input| Scene::open(input, args.frames, &options));
+    let scenes = scenes.map(|input| Scene::open(input, args.frames, &builder));
     // All of them, before an hour is spent on the first.
     let scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
     fs::create_dir_all(&args.out).map_err(|source| file_error(&args.out, source))?;

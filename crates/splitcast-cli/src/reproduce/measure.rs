@@ -18,7 +18,7 @@ use super::settings::{Contender, Settings};
 use super::survey::Survey;
 use crate::error::CliError;
 use crate::fingerprint::Fingerprint;
-use crate::input::{build_failed, mesh};
+use crate::input::build_tree;
 use crate::progress::Progress;
 use crate::summary::{figure, median};
 
@@ -135,11 +135,10 @@ fn builders(
     settings: &Settings,
     contenders: &[Contender],
 ) -> Result<Vec<SequenceBuilder>, CliError> {
-    let builder = |&contender| {
-        SequenceBuilder::new(&settings.options(contender))
-            .map_err(|error| CliError::Usage(error.to_string()))
-    };
-    contenders.iter().map(builder).collect()
+    let contenders = contenders.iter();
+    contenders
+        .map(|&contender| settings.builder(contender))
+        .collect()
 }
 
 /// All indices below `count`, starting with `first` and wrapping around.
@@ -155,12 +154,9 @@ fn build_all<'f>(
     builders: &mut [SequenceBuilder],
     turns: &[usize],
 ) -> Result<Vec<KdTree<'f>>, CliError> {
-    let mesh = mesh(at.frame, at.number, &at.place)?;
     let mut trees = Vec::with_capacity(turns.len());
     for &turn in turns {
-        let tree = builders[turn]
-            .build(mesh)
-            .map_err(|error| build_failed(&error, at.number, &at.place))?;
+        let tree = build_tree(at.frame, &mut builders[turn], at.number, &at.place)?;
         trees.push((turn, tree));
     }
     trees.sort_by_key(|&(turn, _)| turn);

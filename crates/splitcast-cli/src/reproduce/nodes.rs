@@ -9,14 +9,12 @@ use std::cmp::Reverse;
 
 use serde::Serialize;
 use splitcast::filter::{KalmanFilter, Predictor, VirtualObservations, WienerPredictor};
-use splitcast::{
-    Aabb, BuildReport, KdTree, NodeKind, Outcome, SequenceBuilder, SplitRecord, TrackingOptions,
-};
+use splitcast::{Aabb, BuildReport, KdTree, NodeKind, Outcome, SplitRecord, TrackingOptions};
 
 use super::scene::Scene;
 use super::settings::{Contender, NodePath, Settings};
 use crate::error::CliError;
-use crate::input::{build_failed, mesh};
+use crate::input::build_tree;
 use crate::progress::Progress;
 
 /// Planes along an axis at which a cost curve is evaluated.
@@ -72,11 +70,8 @@ pub(crate) fn track(
     settings: &Settings,
     paths: &[NodePath],
 ) -> Result<Vec<NodeTrack>, CliError> {
-    let builder = |contender| {
-        SequenceBuilder::new(&settings.options(contender))
-            .map_err(|error| CliError::Usage(error.to_string()))
-    };
-    let (mut kalman, mut wiener) = (builder(Contender::Kalman)?, builder(Contender::Wiener)?);
+    let mut kalman = settings.builder(Contender::Kalman)?;
+    let mut wiener = settings.builder(Contender::Wiener)?;
     let mut sightings: Vec<Vec<Sighting>> = vec![Vec::new(); paths.len()];
     let mut initial = Vec::new();
     let frames = scene.measured.clone();
@@ -84,12 +79,8 @@ pub(crate) fn track(
     for &index in &frames {
         let frame = scene.frame(index)?;
         let (number, place) = (scene.number(index), scene.place(index));
-        let mesh = mesh(&frame, number, &place)?;
-        let failed = |error| build_failed(&error, number, &place);
-        let (a, b) = (
-            kalman.build(mesh).map_err(failed)?,
-            wiener.build(mesh).map_err(failed)?,
-        );
+        let a = build_tree(&frame, &mut kalman, number, &place)?;
+        let b = build_tree(&frame, &mut wiener, number, &place)?;
         let (kalman_report, wiener_report) = (kalman.report(), wiener.report());
         if initial.is_empty() {
             let splits = kalman_report.splits.iter();

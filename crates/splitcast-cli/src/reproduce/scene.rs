@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use splitcast::{BuildOptions, NonFinite};
+use splitcast::{NonFinite, SequenceBuilder};
 use splitcast_scene::{Frame, FrameSource, SceneError, SequenceInfo};
 
 use crate::args::FrameRange;
@@ -34,7 +34,7 @@ impl Scene {
     pub(crate) fn open(
         input: &Path,
         range: Option<FrameRange>,
-        options: &BuildOptions,
+        builder: &SequenceBuilder,
     ) -> Result<Self, CliError> {
         let input = Input::open(input)?;
         let range = input.frame_range(range)?;
@@ -48,7 +48,7 @@ impl Scene {
         let name = info.name.clone();
         let (mut measured, mut notes) = (Vec::new(), Vec::new());
         for index in 0..info.frames.len() {
-            if excerpt.is_empty(index, &info, options)? {
+            if excerpt.is_empty(index, &info, builder)? {
                 let note = format!(
                     "Frame {} ({}) has no triangle to build a tree over. It is left out; the \
                      filters go on behind it with what they knew before.",
@@ -155,7 +155,7 @@ impl Excerpt {
         &mut self,
         index: usize,
         info: &SequenceInfo,
-        options: &BuildOptions,
+        builder: &SequenceBuilder,
     ) -> Result<bool, CliError> {
         let found = info.frames[index];
         if found.non_finite == 0 || found.triangles == 0 {
@@ -163,8 +163,11 @@ impl Excerpt {
         }
         let (number, place) = (self.number(index), self.place(index));
         let frame = self.get(index)?;
-        match options.non_finite {
-            NonFinite::Reject => build_tree(&frame, options, number, &place).map(|_| false),
+        match builder.options().non_finite {
+            NonFinite::Reject => {
+                build_tree(&frame, &mut builder.clone(), number, &place)?;
+                Ok(false)
+            }
             NonFinite::Skip => {
                 let mesh = mesh(&frame, number, &place)?;
                 Ok(!(0..found.triangles as u32).any(|triangle| mesh.is_traceable(triangle)))

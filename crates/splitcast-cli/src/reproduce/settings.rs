@@ -6,7 +6,8 @@ use std::str::FromStr;
 use serde::{Serialize, Serializer};
 use splitcast::filter::NoiseParameters;
 use splitcast::{
-    BuildOptions, Builder, MAX_DEPTH, NonFinite, Orientation, SearchOptions, TrackingOptions,
+    BuildOptions, Builder, MAX_DEPTH, NonFinite, Orientation, SearchOptions, SequenceBuilder,
+    TrackingOptions,
 };
 
 use crate::args::ReproduceArgs;
@@ -192,6 +193,12 @@ impl Settings {
             options.search.orientation = self.orientation_running;
         }
         options
+    }
+
+    /// A builder for a contender's trees that has seen nothing yet.
+    pub(crate) fn builder(&self, contender: Contender) -> Result<SequenceBuilder, CliError> {
+        SequenceBuilder::new(&self.options(contender))
+            .map_err(|error| CliError::Usage(error.to_string()))
     }
 
     /// Terms and values for the page, those of the builders included.

@@ -1,6 +1,6 @@
 //! Small pictures of a scene, as in Figure 2 of Hussain & Grahn 2008.
 
-use splitcast::{Aabb, Builder};
+use splitcast::Aabb;
 use splitcast_render::{
     Camera, DEFAULT_FOV_DEGREES, Perspective, Quality, RenderOptions, Renderer, encode_png,
 };
@@ -31,8 +31,7 @@ pub(crate) fn render(scene: &mut Scene, settings: &Settings) -> Result<Vec<Image
         max: bounds.max,
     });
     let renderer = Renderer::new(Camera::new(&view)?, &bounds, options)?;
-    let mut build = settings.options(Contender::Binned);
-    build.builder = Builder::Binned;
+    let mut builder = settings.builder(Contender::Binned)?;
     let chosen = spread(scene.measured.len());
     let mut progress = Progress::new("drawing", chosen.len());
     let mut pictures = Vec::with_capacity(chosen.len());
@@ -43,7 +42,7 @@ pub(crate) fn render(scene: &mut Scene, settings: &Settings) -> Result<Vec<Image
     {
         let number = scene.number(index);
         let frame = scene.frame(index)?;
-        let tree = build_tree(&frame, &build, number, &scene.place(index))?;
+        let tree = build_tree(&frame, &mut builder, number, &scene.place(index))?;
         let (image, _) = renderer.render(&tree, &frame)?;
         let picture = Image::png(&encode_png(&image)?, format!("frame {number}"));
         pictures.push(picture.map_err(|error| CliError::Frame {

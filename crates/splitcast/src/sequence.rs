@@ -74,7 +74,7 @@ struct Tracking {
 #[derive(Clone, Debug)]
 enum Filter {
     Kalman(KalmanFilter),
-    Wiener(WienerPredictor),
+    Wiener(Box<WienerPredictor>),
 }
 
 /// Which of the paper's builds a tree came from.
@@ -123,7 +123,7 @@ pub struct SplitRecord {
     pub observed: Option<f32>,
     /// References of the node.
     pub references: u32,
-    /// Extent of the node's content on the axis, for the unit of errors.
+    /// Extent of the node's cell on the axis, above 0: the unit of errors.
     pub extent: f32,
     /// Planes whose sides were counted.
     pub evaluations: u32,
@@ -239,7 +239,7 @@ impl SequenceBuilder {
                     predicted: record.predicted.is_finite().then_some(record.predicted),
                     observed: observations.get(component - 1).copied(),
                     references: record.references,
-                    extent: record.extent,
+                    extent: record.cell_extent,
                     evaluations: record.evaluations,
                     outcome: record.outcome,
                 })
@@ -312,7 +312,7 @@ impl SequenceBuilder {
     fn new_filter(&self, positions: &[f32]) -> Result<Filter, OptionsError> {
         let options = &self.options.tracking;
         Ok(if self.options.builder == Builder::Wiener {
-            Filter::Wiener(WienerPredictor::new(options.wiener, 0)?)
+            Filter::Wiener(Box::new(WienerPredictor::new(options.wiener, 0)?))
         } else {
             let model: KalmanModel = options.noise.kalman_model(positions)?;
             let filter = KalmanFilter::new(model, 0);
@@ -325,7 +325,7 @@ impl Filter {
     fn predictor(&mut self) -> &mut dyn Predictor {
         match self {
             Self::Kalman(filter) => filter,
-            Self::Wiener(filter) => filter,
+            Self::Wiener(filter) => filter.as_mut(),
         }
     }
 

@@ -8,10 +8,10 @@
 
 use fearless_simd::prelude::*;
 
-use super::descent::SplitCandidate;
 use super::line_search::{LineSearch, Sample, Stop};
 use super::search::{NodeSearch, Orientation};
 use crate::OptionsError;
+use crate::aabb::lower;
 use crate::filter::{NEW_COMPONENT, NoiseParameters, WienerParameters};
 use crate::kd_tree::{Node, NodeKind};
 
@@ -66,7 +66,7 @@ impl Default for TrackingOptions {
             orientation: Orientation::Probes,
             step: 0.06,
             drift: 1.1,
-            gain: 0.01,
+            gain: 0.02,
             initial_state: InitialState::Loaded,
             noise: NoiseParameters::default(),
             wiener: WienerParameters::default(),
@@ -140,9 +140,11 @@ pub(crate) struct NodeRecord {
     /// Where the plane was expected; NaN if it was not tracked.
     pub(crate) predicted: f32,
     /// Extent of the content on the split's axis.
-    pub(crate) extent: f32,
+    extent: f32,
+    /// Extent of the cell on the split's axis.
+    pub(crate) cell_extent: f32,
     /// Cost over the cost of a leaf, the lowest since the last search from the extremes.
-    pub(crate) cost_share: f32,
+    cost_share: f32,
     /// The filter's component in the frame before, or [`NEW_COMPONENT`].
     pub(crate) source: u32,
     pub(crate) outcome: Outcome,
@@ -160,6 +162,7 @@ impl NodeRecord {
             evaluations: 0,
             predicted: f32::NAN,
             extent: 0.0,
+            cell_extent: 0.0,
             cost_share: 0.0,
             source: NEW_COMPONENT,
             outcome: Outcome::Untracked,
@@ -169,21 +172,11 @@ impl NodeRecord {
 
     /// Writes down a split that was found from its prediction.
     #[inline(always)]
-    pub(super) fn follow(
-        &mut self,
-        leaf_cost: f32,
-        split: &TrackedSplit,
-        found: Sample,
-    ) -> Option<SplitCandidate> {
+    pub(super) fn follow(&mut self, split: &TrackedSplit, cost_share: f32) {
         self.outcome = Outcome::Matched;
         self.source = split.component;
         self.extent = split.extent;
-        self.cost_share = split.cost_share.min(found.cost / leaf_cost);
-        Some(SplitCandidate {
-            axis: split.axis,
-            // Never -0, which instruction sets treat differently when they look for minima.
-            position: found.position + 0.0,
-        })
+        self.cost_share = cost_share;
     }
 
     /// Writes down a split of a node whose content was looked at as a whole.
@@ -194,7 +187,7 @@ impl NodeRecord {
         axis: usize,
         sample: Sample,
         extent: f32,
-        near: Option<(TrackedSplit, Near)>,
+        lost: Option<(TrackedSplit, Lost)>,
     ) {
         self.extent = extent;
         self.cost_share = sample.cost / leaf_cost;
@@ -203,14 +196,13 @@ impl NodeRecord {
             .iter()
             .position(|&count| count == 0)
             .map(|side| side as u8);
-        if let Some((split, near)) = near {
-            self.outcome = match near {
-                Near::Outside => Outcome::Outside,
-                _ if axis != split.axis => Outcome::Turned,
-                Near::Found(_) => Outcome::Matched,
-                Near::Drifted => Outcome::Drifted,
+        if let Some((split, lost)) = lost {
+            self.outcome = match lost {
+                Lost::Outside => Outcome::Outside,
+                Lost::Drifted if axis != split.axis => Outcome::Turned,
+                Lost::Drifted => Outcome::Drifted,
             };
-            if matches!(self.outcome, Outcome::Matched | Outcome::Drifted) {
+            if self.outcome == Outcome::Drifted {
                 self.source = split.component;
             }
         }
@@ -251,7 +243,7 @@ pub(super) struct TrackedSplit {
     pub(super) axis: usize,
     pub(super) predicted: f32,
     extent: f32,
-    cost_share: f32,
+    pub(super) cost_share: f32,
     component: u32,
     left: u32,
     right: u32,
@@ -307,80 +299,114 @@ impl Tracked {
     }
 }
 
-/// What came of a search from a prediction.
-#[derive(Clone, Copy)]
-pub(super) enum Near {
-    Found(Sample),
+/// What became of a prediction before a node was searched from its extremes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lost {
     /// The split costs more than it did.
     Drifted,
     /// The prediction does not divide the node's content.
     Outside,
 }
 
-/// Searches from the predicted plane of a node.
-#[inline(always)]
-pub(super) fn search_near<S: Simd>(
-    node: &mut NodeSearch<'_, S>,
-    split: &TrackedSplit,
-    options: &TrackingOptions,
-) -> Near {
-    let TrackedSplit {
-        axis, predicted, ..
-    } = *split;
-    let (min, max) = (node.cell.min[axis], node.cell.max[axis]);
-    if !(predicted > min && predicted < max) {
-        return Near::Outside;
-    }
-    let extent = split.extent.min(max - min);
-    let mut step = options.step * extent;
-    let [mut middle, mut low, mut high] =
-        node.evaluate_three(axis, [predicted, predicted - step, predicted + step]);
-    if middle.counts[0] == 0 || middle.counts[1] == 0 {
-        return Near::Outside;
-    }
-    let lowest = middle.cost.min(low.cost).min(high.cost);
-    if lowest > options.drift * split.cost_share * node.leaf_cost {
-        return Near::Drifted;
-    }
-    for _ in 0..MAX_STEPS {
-        step *= GROWTH;
-        if low.cost < middle.cost && low.cost <= high.cost {
-            let position = low.position - step;
-            if position <= min || low.counts[0] == 0 {
-                break;
-            }
-            let next = node.evaluate(axis, position);
-            (low, middle, high) = (next, low, middle);
-        } else if high.cost < middle.cost {
-            let position = high.position + step;
-            if position >= max || high.counts[1] == 0 {
-                break;
-            }
-            let next = node.evaluate(axis, position);
-            (low, middle, high) = (middle, high, next);
-        } else {
-            break;
+/// Three planes around a prediction.
+#[derive(Clone, Copy)]
+pub(super) struct Neighbourhood {
+    axis: usize,
+    low: Sample,
+    middle: Sample,
+    high: Sample,
+    extent: f32,
+    step: f32,
+}
+
+impl Neighbourhood {
+    /// Evaluates the predicted plane of a node and one on either side; `None` if the
+    /// prediction does not divide the node's content.
+    #[inline(always)]
+    pub(super) fn of_prediction<S: Simd>(
+        node: &mut NodeSearch<'_, S>,
+        split: &TrackedSplit,
+        options: &TrackingOptions,
+    ) -> Option<Self> {
+        let TrackedSplit {
+            axis, predicted, ..
+        } = *split;
+        let (min, max) = (node.cell.min[axis], node.cell.max[axis]);
+        if !(predicted > min && predicted < max) {
+            return None;
         }
+        let extent = split.extent.min(max - min);
+        let step = options.step * extent;
+        let positions = [predicted, predicted - step, predicted + step];
+        let [middle, low, high] = node.evaluate_three(axis, positions);
+        (middle.counts[0] > 0 && middle.counts[1] > 0).then_some(Self {
+            axis,
+            low,
+            middle,
+            high,
+            extent,
+            step,
+        })
     }
-    let mut found = middle;
-    if low.cost < found.cost || high.cost < found.cost {
-        found = if low.cost <= high.cost { low } else { high };
-    } else {
+
+    /// The lowest cost seen.
+    #[inline(always)]
+    pub(super) fn lowest_cost(&self) -> f32 {
+        lower(self.middle.cost, lower(self.low.cost, self.high.cost))
+    }
+
+    /// Goes downhill from here, in steps that grow by the golden ratio, until a
+    /// minimum is bracketed, and then by parabolas as long as they promise enough.
+    #[inline(always)]
+    pub(super) fn search<S: Simd>(
+        self,
+        node: &mut NodeSearch<'_, S>,
+        options: &TrackingOptions,
+    ) -> Sample {
+        let Self {
+            axis,
+            mut low,
+            mut middle,
+            mut high,
+            extent,
+            mut step,
+        } = self;
+        let (min, max) = (node.cell.min[axis], node.cell.max[axis]);
+        for _ in 0..MAX_STEPS {
+            step *= GROWTH;
+            if low.cost < middle.cost && low.cost <= high.cost {
+                let position = low.position - step;
+                if position <= min || low.counts[0] == 0 {
+                    return low;
+                }
+                let next = node.evaluate(axis, position);
+                (low, middle, high) = (next, low, middle);
+            } else if high.cost < middle.cost {
+                let position = high.position + step;
+                if position >= max || high.counts[1] == 0 {
+                    return high;
+                }
+                let next = node.evaluate(axis, position);
+                (low, middle, high) = (middle, high, next);
+            } else {
+                break;
+            }
+        }
+        if low.cost < middle.cost || high.cost < middle.cost {
+            return if low.cost <= high.cost { low } else { high };
+        }
         let stop = Stop {
             tolerance: (0.5 * options.step * extent).max(f32::MIN_POSITIVE),
             budget: REFINEMENTS,
         };
         let mut search = LineSearch::around(low, middle, high, stop);
+        let mut found = middle;
         while search.promised_gain() > options.gain * found.cost
             && let Some(position) = search.propose()
         {
             search.tell(node.evaluate(axis, position));
             found = search.best().unwrap_or(found);
         }
-    }
-    if found.cost < node.leaf_cost {
-        Near::Found(found)
-    } else {
-        Near::Drifted
+        found
     }
 }

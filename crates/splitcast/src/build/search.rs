@@ -21,7 +21,7 @@ use super::descent::{self, NodeStart, Split, SplitCandidate, SplitPolicy};
 use super::limits::Limits;
 use super::line_search::{GOLDEN, LineSearch, Sample, Stop};
 use super::references::{bounds_of, content_bounds};
-use super::running::{History, Near, NodeRecord, Tracked, search_near};
+use super::running::{History, Lost, Neighbourhood, NodeRecord, Tracked};
 use super::{BuildOptions, Reference, Subtree, Triangles};
 use crate::aabb::lower;
 use crate::{Aabb, CostModel, OptionsError};
@@ -201,6 +201,9 @@ impl SplitPolicy for Search<'_> {
         let mut node = NodeSearch::new(simd, members, cell, &self.options.cost);
         let plane = self.find_split(&mut node, tracked, &mut record);
         record.evaluations = node.evaluations;
+        if let Some(SplitCandidate { axis, .. }) = plane {
+            record.cell_extent = cell.max[axis] - cell.min[axis];
+        }
         self.records.push(record);
         let (left, right) = match tracked {
             Some(tracked) => tracked.children(),
@@ -251,90 +254,120 @@ impl Search<'_> {
         // Two filled sides cost at least this much, wherever the plane: only
         // cutting off empty space can help.
         let hopeless = node.leaf_cost <= cost.traversal + cost.intersection;
+        if let Some(Tracked::Leaf { searched_at }) = tracked
+            && (hopeless || node.count <= searched_at)
+        {
+            record.references = searched_at;
+            return None;
+        }
+        // Where the split is tracked: its history, and the planes around its prediction.
         let mut near = None;
-        if !hopeless && let Some(Tracked::Split(split)) = tracked {
-            record.predicted = split.predicted;
-            let searched = search_near(node, &split, tracking);
-            if let Near::Found(found) = searched {
-                return record.follow(node.leaf_cost, &split, found);
-            }
-            near = Some((split, searched));
-        }
-
-        let content = content_bounds(node.simd, node.members, node.cell);
-        let ends = node.ends(&content);
-        let mut best = Best::below(node.leaf_cost);
-        for axis in 0..3 {
-            best.take(axis, ends[axis][0]);
-            best.take(axis, ends[axis][1]);
-        }
+        let mut lost = None;
         match tracked {
-            _ if hopeless => return best.choose(node, &content, record, None),
-            Some(Tracked::Leaf { searched_at }) if node.count <= searched_at => {
-                record.references = searched_at;
-                return best.choose(node, &content, record, None);
-            }
-            Some(Tracked::EmptySpace { axis, end, split }) => {
-                let again = ends[axis][end];
+            Some(Tracked::Split(split)) if !hopeless => {
                 record.predicted = split.predicted;
-                if again.cost < node.leaf_cost {
-                    best = Best::below(node.leaf_cost);
-                    best.take(axis, again);
-                    return best.choose(node, &content, record, Some((split, Near::Found(again))));
+                near = Neighbourhood::of_prediction(node, &split, tracking);
+                lost = Some((split, Lost::Outside));
+                if let Some(neighbourhood) = near {
+                    let expected = split.cost_share * node.leaf_cost;
+                    if neighbourhood.lowest_cost() <= tracking.drift * expected {
+                        let found = neighbourhood.search(node, tracking);
+                        if found.cost < node.leaf_cost {
+                            let cost_share = lower(split.cost_share, found.cost / node.leaf_cost);
+                            record.follow(&split, cost_share);
+                            return Some(plane(split.axis, found));
+                        }
+                    }
+                    lost = Some((split, Lost::Drifted));
                 }
-                near = Some((split, Near::Drifted));
             }
             _ => {}
         }
 
+        let content = content_bounds(node.simd, node.members, node.cell);
+        let ends = node.ends(&content);
+        if let Some(Tracked::EmptySpace { axis, end, split }) = tracked {
+            let again = ends[axis][end];
+            record.predicted = split.predicted;
+            if again.cost < node.leaf_cost {
+                record.settle(node.leaf_cost, axis, again, content.extent()[axis], None);
+                record.follow(&split, again.cost / node.leaf_cost);
+                return Some(plane(axis, again));
+            }
+            lost = Some((split, Lost::Drifted));
+        }
+        let mut best = Best::below(node.leaf_cost);
+        for axis in 0..3 {
+            best.take(axis, Some(ends[axis][0]));
+            best.take(axis, Some(ends[axis][1]));
+        }
         let orientation = if self.history.is_some() {
             tracking.orientation
         } else {
             search.orientation
         };
         match orientation {
+            _ if hopeless => {}
             Orientation::AllAxes => {
                 for axis in 0..3 {
-                    best.take_any(
-                        axis,
-                        node.from_extremes(&content, axis, ends[axis], &[], search),
-                    );
+                    let found = node.search_axis(&content, axis, ends[axis], &[], search);
+                    best.take(axis, found);
                 }
             }
             Orientation::Longest => {
-                let extent = content.extent();
-                let mut axis = 0;
-                for other in 1..3 {
-                    if extent[other] > extent[axis] {
-                        axis = other;
-                    }
-                }
-                best.take_any(
-                    axis,
-                    node.from_extremes(&content, axis, ends[axis], &[], search),
-                );
+                let axis = longest(content.extent());
+                let found = node.search_axis(&content, axis, ends[axis], &[], search);
+                best.take(axis, found);
             }
             Orientation::Probes => {
                 let probes = node.probe(&content);
-                let mut lowest = 0;
-                for axis in 1..3 {
-                    let cost = |axis: usize| probes[axis][0].cost.min(probes[axis][1].cost);
-                    lowest = if cost(axis) < cost(lowest) {
-                        axis
-                    } else {
-                        lowest
-                    };
+                let mut axis = 0;
+                for other in 1..3 {
+                    if lower_cost(&probes[other]) < lower_cost(&probes[axis]) {
+                        axis = other;
+                    }
                 }
-                let seeds = &probes[lowest];
-                if lower_cost(seeds) < node.leaf_cost {
-                    let ends = ends[lowest];
-                    let found = node.from_extremes(&content, lowest, ends, seeds, search);
-                    best.take_any(lowest, found);
+                let lowest = lower_cost(&probes[axis]);
+                if let (Some(neighbourhood), Some((split, _))) = (near, lost)
+                    && neighbourhood.lowest_cost() <= lowest
+                {
+                    // The orientation is still the same.
+                    let found = neighbourhood.search(node, tracking);
+                    if found.cost < best.limit {
+                        record.follow(&split, found.cost / node.leaf_cost);
+                        return Some(plane(split.axis, found));
+                    }
+                } else if lowest < node.leaf_cost {
+                    let ends = ends[axis];
+                    let found = node.search_axis(&content, axis, ends, &probes[axis], search);
+                    best.take(axis, found);
                 }
             }
         }
-        best.choose(node, &content, record, near)
+        let (axis, found) = best.plane?;
+        record.settle(node.leaf_cost, axis, found, content.extent()[axis], lost);
+        Some(plane(axis, found))
     }
+}
+
+#[inline(always)]
+fn plane(axis: usize, sample: Sample) -> SplitCandidate {
+    SplitCandidate {
+        axis,
+        // Never -0, which instruction sets treat differently when they look for minima.
+        position: sample.position + 0.0,
+    }
+}
+
+#[inline(always)]
+fn longest(extent: [f32; 3]) -> usize {
+    let mut axis = 0;
+    for other in 1..3 {
+        if extent[other] > extent[axis] {
+            axis = other;
+        }
+    }
+    axis
 }
 
 #[inline(always)]
@@ -355,37 +388,13 @@ impl Best {
     }
 
     #[inline(always)]
-    fn take(&mut self, axis: usize, sample: Sample) {
-        if sample.cost < self.limit {
+    fn take(&mut self, axis: usize, sample: Option<Sample>) {
+        if let Some(sample) = sample
+            && sample.cost < self.limit
+        {
             self.limit = sample.cost;
             self.plane = Some((axis, sample));
         }
-    }
-
-    #[inline(always)]
-    fn take_any(&mut self, axis: usize, sample: Option<Sample>) {
-        if let Some(sample) = sample {
-            self.take(axis, sample);
-        }
-    }
-
-    /// Writes down where the plane came from.
-    #[inline(always)]
-    fn choose<S: Simd>(
-        self,
-        node: &NodeSearch<'_, S>,
-        content: &Aabb,
-        record: &mut NodeRecord,
-        near: Option<(super::running::TrackedSplit, Near)>,
-    ) -> Option<SplitCandidate> {
-        let (axis, sample) = self.plane?;
-        let extent = content.max[axis] - content.min[axis];
-        record.settle(node.leaf_cost, axis, sample, extent, near);
-        Some(SplitCandidate {
-            axis,
-            // Never -0, which instruction sets treat differently when they look for minima.
-            position: sample.position + 0.0,
-        })
     }
 }
 
@@ -484,7 +493,7 @@ impl<'a, S: Simd> NodeSearch<'a, S> {
 
     /// Searches an axis from end to end, but for evaluations that are known already.
     #[inline(always)]
-    fn from_extremes(
+    fn search_axis(
         &mut self,
         content: &Aabb,
         axis: usize,

@@ -65,7 +65,6 @@ fn times(scenes: &[&ScenePage]) -> Table {
         "with filter",
         "reduced by",
         "goal",
-        "worst frame",
     ];
     let mut table = table(header).caption(
         "Build times in ms of conventional and of tracked kd-trees: the paper’s (Intel Core 2, \
@@ -74,7 +73,7 @@ fn times(scenes: &[&ScenePage]) -> Table {
     for scene in scenes {
         if let Some(paper) = row_for(&scene.name) {
             let text = [
-                joined(&[paper.scene, "paper"]),
+                format!("{}, paper", paper.scene),
                 grouped(paper.triangles),
                 paper.frames.to_string(),
                 format!("{:.0}", paper.normal_ms),
@@ -82,7 +81,6 @@ fn times(scenes: &[&ScenePage]) -> Table {
                 format!("{:.0}", paper.running_ms),
                 NONE.to_owned(),
                 percent(Some(paper.reduction)),
-                NONE.to_owned(),
                 NONE.to_owned(),
             ];
             table = table.row(text.map(Cell::muted));
@@ -98,7 +96,6 @@ fn times(scenes: &[&ScenePage]) -> Table {
                 number(row.running_with_filter_ms).into(),
                 marked(percent(row.reduction), row.meets_reduction()),
                 percent(row.reduction_goal).into(),
-                percent(value(row.worst.reduction)).into(),
             ]);
         }
     }
@@ -137,10 +134,11 @@ fn causes(scenes: &[&ScenePage]) -> Table {
     let header = [
         "evaluations, normal",
         "evaluations, running",
-        "axis mismatches",
+        "axes turned",
         "worst frame",
         "prediction error",
         "worst frame",
+        "least reduction",
     ];
     let table = table(header).caption(
         "Where the time goes: evaluations of the cost for each split, and how good predictions \
@@ -157,6 +155,7 @@ fn causes(scenes: &[&ScenePage]) -> Table {
             percent(value(worst.orientation_mismatch_rate)),
             percent(row.prediction_rmse_relative),
             percent(value(worst.prediction_rmse_relative)),
+            percent(value(worst.reduction)),
         ])
     })
 }
@@ -168,12 +167,7 @@ fn table<const N: usize>(header: [&str; N]) -> Table {
 }
 
 fn name(row: &Row) -> String {
-    joined(&[&row.scene, row.filter.name()])
-}
-
-/// Words with commas between them that stay on one line.
-fn joined(words: &[&str]) -> String {
-    words.join(",\u{a0}").replace(' ', "\u{a0}")
+    format!("{}, {}", row.scene, row.filter.name())
 }
 
 fn value(worst: Option<Extreme>) -> Option<f64> {
@@ -197,9 +191,9 @@ fn builders(scenes: &[&ScenePage], settings: &Settings) -> Section {
         table = table.row([
             match row.builder {
                 Contender::NormalSameAxes => {
-                    joined(&[&row.scene, "normal", settings.orientation_running.name()])
+                    format!("{}, normal, {}", row.scene, settings.orientation_running)
                 }
-                builder => joined(&[&row.scene, builder.name()]),
+                builder => format!("{}, {}", row.scene, builder.name()),
             },
             number(row.build_ms),
             ratio(row.build_ratio_to_normal),
@@ -267,8 +261,8 @@ fn columns() -> Section {
         ),
         (
             "reduced by",
-            "One minus the median running time over the median normal time of the same frames. Its \
-             worst frame compares the two times of one frame.",
+            "One minus the median running time over the median normal time of the same frames. The \
+             least reduction is that of the frame whose own two times are closest.",
         ),
         (
             "SAH cost",
@@ -281,7 +275,7 @@ fn columns() -> Section {
              ended in a leaf included; in the table of all builders, for the whole tree.",
         ),
         (
-            "axis mismatches",
+            "axes turned",
             "Share of the tracked splits whose axis is another than in the frame before, so that \
              the search starts from the extremes.",
         ),
@@ -309,10 +303,10 @@ fn origin(settings: &Settings, provenance: &Provenance) -> Section {
         .definitions(settings.definitions())
         .definitions(provenance.definitions())
         .paragraph(format!(
-            "Every frame is built by all builders in turn, {} times over, in an order that shifts \
-             with every frame and round. Times are medians over the rounds; table1.json and \
+            "Every frame is built by all builders in turn, in {}, in an order that shifts with \
+             every frame and round. Times are medians over the rounds; table1.json and \
              table1.csv hold the tables, measurements.json every frame’s figures.",
-            settings.rounds
+            count(settings.rounds, "round")
         ))
 }
 

@@ -110,7 +110,8 @@ pub(crate) struct Settings {
     pub(crate) non_finite: &'static str,
     /// Nodes asked for with `--node`; without any, two are chosen.
     pub(crate) nodes: Vec<NodePath>,
-    #[serde(skip)]
+    /// All of it as the library has it, in Rust's notation.
+    #[serde(rename = "build_options", serialize_with = "as_notation")]
     base: BuildOptions,
 }
 
@@ -237,9 +238,9 @@ impl Settings {
             (
                 "Tracked search",
                 format!(
-                    "first step {} of the extent; from the extremes where the cost has risen by \
-                     more than {}",
-                    tracking.step, tracking.drift
+                    "first step {} of the extent, a further one if it promises {} of the cost; \
+                     the axis is looked into again beyond a drift of {}",
+                    tracking.step, tracking.gain, tracking.drift
                 ),
             ),
             (
@@ -262,6 +263,10 @@ impl Settings {
 
 fn as_text<S: Serializer>(value: &impl fmt::Display, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(value)
+}
+
+fn as_notation<S: Serializer>(value: &impl fmt::Debug, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{value:?}"))
 }
 
 #[cfg(test)]

@@ -35,10 +35,15 @@ pub(super) fn standalone_style() -> String {
 }
 
 fn draw(plot: &Plot, layout: &Layout, style: &str, out: &mut String) -> std::fmt::Result {
-    let (width, height) = (Num(layout.width), Num(layout.height));
+    // On a page, the page has margins.
+    let margin = if style.is_empty() { 0.0 } else { 14.0 };
     write!(
         out,
-        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img""#
+        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="{} {} {} {}" role="img""#,
+        Num(-margin),
+        Num(-margin),
+        Num(layout.width + 2.0 * margin),
+        Num(layout.height + 2.0 * margin)
     )?;
     if !style.is_empty() {
         // For viewers without CSS variables.
@@ -391,7 +396,7 @@ fn text_line(line: &Line, out: &mut String) -> std::fmt::Result {
 fn color_key(key: &Key, out: &mut String) -> std::fmt::Result {
     const PIECES: usize = 24;
     let width = (key.right - key.left) / PIECES as f64;
-    write!(out, r#"<g class="key">"#)?;
+    write!(out, r#"<g class="key" shape-rendering="crispEdges">"#)?;
     for piece in 0..PIECES {
         let paint = Paint::Ramp(piece as f64 / (PIECES - 1) as f64);
         write!(
@@ -479,17 +484,23 @@ fn description(plot: &Plot) -> String {
             .iter()
             .filter(|p| p.0.is_finite() && p.1.is_finite());
         let count = known.clone().count();
-        let range = super::scale::extent(known.map(|p| p.1))
-            .map(|(lo, hi)| format!(" from {} to {}", number::short(lo), number::short(hi)));
+        let range = match super::scale::extent(known.map(|p| p.1)) {
+            None => "no values".into(),
+            Some((lo, hi)) if lo == hi => format!("{count} × {}", number::short(lo)),
+            Some((lo, hi)) => {
+                format!(
+                    "{count} values from {} to {}",
+                    number::short(lo),
+                    number::short(hi)
+                )
+            }
+        };
         let name = if series.name.is_empty() {
-            "A series"
+            "Series"
         } else {
             &series.name
         };
-        sentences.push(format!(
-            "{name}: {count} values{}.",
-            range.unwrap_or_default()
-        ));
+        sentences.push(format!("{name}: {range}."));
     }
     if let Some(more) = plot.series.len().checked_sub(MAX_DESCRIBED + 1) {
         sentences.push(format!("And {} more series.", more + 1));

@@ -5,12 +5,9 @@ use std::fmt::Write;
 use super::layout::{self, Key, Layout, Line, SAMPLE, SLOPE, Style, TICK};
 use super::marks::{self, Num};
 use super::scale::Scale;
-use super::{Dash, Kind, Plot, Series, number, text};
+use super::{Dash, Kind, Plot, Series, describe, number, text};
 use crate::escape::Escaped;
 use crate::palette::{self, INK, Paint, Role};
-
-/// Series that the description tells of one by one.
-const MAX_DESCRIBED: usize = 8;
 
 /// Dots of a plot that have tooltips: more would be most of the file.
 const MAX_TOOLTIPS: usize = 300;
@@ -50,8 +47,12 @@ fn draw(plot: &Plot, layout: &Layout, style: &str, out: &mut String) -> std::fmt
         write!(out, r#" color="{}" font-family="sans-serif""#, INK.light)?;
     }
     write!(out, ">")?;
-    write!(out, "<title>{}</title>", Escaped(title(plot)))?;
-    write!(out, "<desc>{}</desc>{style}", Escaped(&description(plot)))?;
+    write!(out, "<title>{}</title>", Escaped(describe::title(plot)))?;
+    write!(
+        out,
+        "<desc>{}</desc>{style}",
+        Escaped(&describe::description(plot))
+    )?;
     match layout.scales {
         Some((x, y)) => {
             let view = View { plot, layout, x, y };
@@ -424,7 +425,7 @@ fn no_data(plot: &Plot, layout: &Layout, out: &mut String) -> std::fmt::Result {
         Num(width),
         Num(height)
     )?;
-    let reason = text::wrap(&reason(plot), layout::LABEL, width - 40.0, 3);
+    let reason = text::wrap(&describe::reason(plot), layout::LABEL, width - 40.0, 3);
     let center = Num((area.left + area.right) / 2.0);
     let top = (area.top + area.bottom) / 2.0 - 10.0 * reason.len() as f64 + 4.0;
     write!(
@@ -442,72 +443,4 @@ fn no_data(plot: &Plot, layout: &Layout, out: &mut String) -> std::fmt::Result {
         )?;
     }
     write!(out, "</g>")
-}
-
-/// Why nothing is drawn.
-fn reason(plot: &Plot) -> String {
-    let left_out = layout::left_out(plot).unwrap_or_default();
-    format!("{} {left_out}", plot.no_data).trim().to_owned()
-}
-
-fn title(plot: &Plot) -> &str {
-    if plot.title.is_empty() {
-        "Plot"
-    } else {
-        &plot.title
-    }
-}
-
-/// What the plot shows, in words.
-fn description(plot: &Plot) -> String {
-    let mut sentences = vec![plot.description.clone()];
-    let axes = [("Horizontal", &plot.x), ("Vertical", &plot.y)];
-    for (name, axis) in axes.into_iter().filter(|(_, axis)| !axis.text().is_empty()) {
-        let scale = if axis.log { ", logarithmic" } else { "" };
-        sentences.push(format!("{name} axis: {}{scale}.", axis.text()));
-    }
-    if let Some(family) = &plot.family {
-        let (count, label) = (family.curves.len(), &family.label);
-        let range = family.extent();
-        let range = range.map(|(lo, hi)| {
-            format!(
-                ", {label} from {} to {}",
-                number::short(lo),
-                number::short(hi)
-            )
-        });
-        sentences.push(format!("{count} curves{}.", range.unwrap_or_default()));
-    }
-    for series in plot.series.iter().take(MAX_DESCRIBED) {
-        let known = series
-            .points
-            .iter()
-            .filter(|p| p.0.is_finite() && p.1.is_finite());
-        let count = known.clone().count();
-        let range = match super::scale::extent(known.map(|p| p.1)) {
-            None => "no values".into(),
-            Some((lo, hi)) if lo == hi => format!("{count} × {}", number::short(lo)),
-            Some((lo, hi)) => {
-                format!(
-                    "{count} values from {} to {}",
-                    number::short(lo),
-                    number::short(hi)
-                )
-            }
-        };
-        let name = if series.name.is_empty() {
-            "Series"
-        } else {
-            &series.name
-        };
-        sentences.push(format!("{name}: {range}."));
-    }
-    if let Some(more) = plot.series.len().checked_sub(MAX_DESCRIBED + 1) {
-        sentences.push(format!("And {} more series.", more + 1));
-    }
-    if plot.series.is_empty() && plot.family.is_none() {
-        sentences.push(format!("No data. {}", reason(plot)));
-    }
-    sentences.retain(|sentence| !sentence.trim().is_empty());
-    sentences.join(" ").trim().to_owned()
 }

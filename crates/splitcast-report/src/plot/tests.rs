@@ -159,9 +159,10 @@ fn axis() -> impl Strategy<Value = Axis> {
     })
 }
 
+// Names have no `i`, or one of them would be `inf` some day.
 fn series() -> impl Strategy<Value = Series> {
     let points = prop::collection::vec((value(), value()), 0..12);
-    (0..4, points, "[a-z<&\"\0]{0,40}").prop_map(|(kind, points, name)| match kind {
+    (0..4, points, "[a-hj-z<&\"\0]{0,40}").prop_map(|(kind, points, name)| match kind {
         0 => Series::line(name, points),
         1 => Series::dots(name, points).role(Role::S1),
         2 => Series::step(name, points).dash(Dash::Dotted),
@@ -186,7 +187,7 @@ proptest! {
         axes in (axis(), axis()),
         all in prop::collection::vec(series(), 0..5),
         family in prop::option::of(family()),
-        categories in prop::collection::vec("[a-z ]{0,30}", 0..4),
+        categories in prop::collection::vec("[a-hj-z ]{0,30}", 0..4),
         size in (value(), value()),
     ) {
         let mut plot = Plot::new("title").x(axes.0).y(axes.1).categories(categories);

@@ -7,11 +7,15 @@ use std::process::ExitCode;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{ArgAction, Parser, Subcommand};
-use splitcast::{Builder, NonFinite};
+use splitcast::{Builder, NonFinite, Orientation};
 use splitcast_render::{DEFAULT_FOV_DEGREES, MAX_SIDE, Quality, View};
 
 use crate::error::{self, CliError};
-use crate::{info, render, scenes};
+use crate::reproduce::NodePath;
+use crate::{info, render, reproduce, scenes};
+
+/// Most times that a measurement can be repeated.
+const MAX_ROUNDS: usize = 1000;
 
 /// Most threads that can be asked for.
 const MAX_THREADS: usize = 1024;
@@ -29,6 +33,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Render an animation to a video or to pictures
     Render(Box<RenderArgs>),
+    /// Measure the paper's tracked builds: its table and figures, and a page of both
+    Reproduce(ReproduceArgs),
     /// List the built-in scenes, or export one as mesh files
     #[command(args_conflicts_with_subcommands = true)]
     Scenes(ScenesArgs),
@@ -41,6 +47,7 @@ impl Command {
     pub(crate) fn run(self) -> Result<(), CliError> {
         match self {
             Self::Render(args) => render::run(&args),
+            Self::Reproduce(args) => reproduce::run(&args),
             Self::Scenes(ScenesArgs {
                 command: Some(ScenesCommand::Export { name, folder }),
                 ..
@@ -153,6 +160,62 @@ pub(crate) struct RenderArgs {
     /// Write times and tree figures of every frame to this file
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct ReproduceArgs {
+    /// Built-in scenes, mesh files, folders, globs or numbered patterns [default: the built-in scenes]
+    #[arg(value_name = "INPUT")]
+    pub(crate) input: Vec<PathBuf>,
+
+    /// Folder for tables, figures and report.html; made if it does not exist
+    #[arg(long, short, value_name = "DIR", default_value = "reproduction")]
+    pub(crate) out: PathBuf,
+
+    /// Write the table to this file too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+
+    /// Frames from A up to but not including B, counted from 0 [default: all]
+    #[arg(long, value_name = "A:B", value_parser = parse_frames, allow_negative_numbers = true)]
+    pub(crate) frames: Option<FrameRange>,
+
+    /// How often every build is repeated; times are medians
+    #[arg(long, value_name = "N", default_value = "3", value_parser = parse_rounds, allow_negative_numbers = true)]
+    pub(crate) rounds: NonZeroUsize,
+
+    /// Worker threads; the paper used one
+    #[arg(long, value_name = "N", default_value = "1", value_parser = parse_threads, allow_negative_numbers = true)]
+    pub(crate) threads: NonZeroUsize,
+
+    /// Where the random numbers of the noise start [default: 0]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) seed: Option<u64>,
+
+    /// Process noise p(w): its standard deviation, relative to positions
+    #[arg(long, value_name = "W", allow_negative_numbers = true)]
+    pub(crate) noise_process: Option<f32>,
+
+    /// Measurement noise p(v), likewise; it makes the virtual observations
+    #[arg(long, value_name = "V", allow_negative_numbers = true)]
+    pub(crate) noise_measurement: Option<f32>,
+
+    /// How the axis of a split is found in normal builds
+    #[arg(long, value_name = "NAME", value_parser = orientation_parser())]
+    pub(crate) orientation_normal: Option<Orientation>,
+
+    /// How the axis of a split is found in tracked builds
+    #[arg(long, value_name = "NAME", value_parser = orientation_parser())]
+    pub(crate) orientation_running: Option<Orientation>,
+
+    /// Node to show beside the root, by the way to it, such as LRL; may be repeated
+    /// [default: one at depth 4 and one at depth 8]
+    #[arg(long, value_name = "PATH")]
+    pub(crate) node: Vec<NodePath>,
+
+    /// What to do about vertices at NaN or infinity: reject the input, or skip their triangles
+    #[arg(long, value_name = "WHAT", default_value = "reject", value_parser = non_finite_parser())]
+    pub(crate) non_finite: NonFinite,
 }
 
 #[derive(Debug, clap::Args)]
@@ -286,10 +349,27 @@ fn parse_vector(text: &str) -> Result<[f32; 3], String> {
 }
 
 fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
+    parse_up_to(MAX_THREADS, text)
+}
+
+fn parse_rounds(text: &str) -> Result<NonZeroUsize, String> {
+    parse_up_to(MAX_ROUNDS, text)
+}
+
+fn parse_up_to(most: usize, text: &str) -> Result<NonZeroUsize, String> {
     text.parse::<NonZeroUsize>()
         .ok()
-        .filter(|threads| threads.get() <= MAX_THREADS)
-        .ok_or_else(|| format!("expected a number from 1 to {MAX_THREADS}"))
+        .filter(|number| number.get() <= most)
+        .ok_or_else(|| format!("expected a number from 1 to {most}"))
+}
+
+fn orientation_parser() -> impl TypedValueParser<Value = Orientation> {
+    PossibleValuesParser::new(
+        Orientation::ALL
+            .iter()
+            .map(|orientation| orientation.name()),
+    )
+    .try_map(|name| name.parse())
 }
 
 fn builder_parser() -> impl TypedValueParser<Value = Builder> {

@@ -30,6 +30,9 @@ pub(crate) enum CliError {
         place: String,
         reason: String,
     },
+    /// No frame of the input has a triangle to build a tree over.
+    #[error("{name}: no frame has a triangle to build a tree over, so there is nothing to measure")]
+    NothingToMeasure { name: String },
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error(transparent)]

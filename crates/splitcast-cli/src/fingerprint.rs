@@ -1,15 +1,17 @@
-//! A number that tells two inputs apart: FNV-1a, 64 bits (Fowler, Noll & Vo).
+//! A number that tells two inputs, or two trees, apart: FNV-1a, 64 bits (Fowler, Noll & Vo).
 //!
-//! Resuming must not mix frames of an input that was edited in between. The
-//! number guards against accidents, not against forgery.
+//! Resuming must not mix frames of an input that was edited in between, and
+//! rounds of a measurement have to build the same trees. The number guards
+//! against accidents, not against forgery.
 
+use splitcast::{KdTree, NodeKind};
 use splitcast_scene::Frame;
 
 const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 
 /// Sums up frames in order.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Fingerprint(u64);
 
 impl Fingerprint {
@@ -38,6 +40,23 @@ impl Fingerprint {
         }
     }
 
+    /// Takes in every node of a tree and every triangle of its leaves.
+    pub(crate) fn add_tree(&mut self, tree: &KdTree<'_>) {
+        for node in tree.nodes() {
+            let words = match node.kind() {
+                NodeKind::Inner {
+                    axis,
+                    position,
+                    right,
+                } => [axis as u32, position.to_bits(), right as u32],
+                NodeKind::Leaf { first, count } => [u32::MAX, first as u32, count as u32],
+            };
+            words.into_iter().for_each(|word| self.add_word(word));
+        }
+        let references = tree.references().iter();
+        references.for_each(|&triangle| self.add_word(triangle));
+    }
+
     /// Sixteen hexadecimal digits.
     pub(crate) fn digits(self) -> String {
         format!("{:016x}", self.0)
@@ -62,7 +81,32 @@ impl Fingerprint {
 mod tests {
     use std::sync::Arc;
 
+    use splitcast::{BuildOptions, CostModel, Mesh};
+
     use super::*;
+
+    #[test]
+    fn trees_are_told_apart() {
+        let positions: Vec<[f32; 3]> = (0..90)
+            .map(|i| [(i % 7) as f32, (i % 11) as f32, i as f32])
+            .collect();
+        let triangles: Vec<[u32; 3]> = (0..30).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = Mesh::new(&positions, &triangles).unwrap();
+        let fingerprint = |intersection| {
+            let options = BuildOptions {
+                cost: CostModel {
+                    intersection,
+                    ..CostModel::default()
+                },
+                ..BuildOptions::default()
+            };
+            let mut fingerprint = Fingerprint::new();
+            fingerprint.add_tree(&KdTree::build(mesh, &options).unwrap());
+            fingerprint
+        };
+        assert_eq!(fingerprint(1.0), fingerprint(1.0));
+        assert_ne!(fingerprint(1.0), fingerprint(30.0));
+    }
 
     #[test]
     fn every_part_counts() {

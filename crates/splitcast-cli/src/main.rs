@@ -8,6 +8,7 @@ mod input;
 mod progress;
 mod render;
 mod report;
+mod reproduce;
 mod scenes;
 mod summary;
 mod table;

@@ -4,21 +4,20 @@
 //! traces with all workers of the pool, and one encodes and writes.
 
 use std::io::{self, Write};
-use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
-use splitcast::{Aabb, BuildOptions, KdTree, Mesh, NonFinite};
+use splitcast::{Aabb, BuildOptions, NonFinite, SequenceBuilder};
 use splitcast_render::{
     Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
     Resumed, Settings, Shading, check_writable,
 };
-use splitcast_scene::{Frame, FrameSource, Prefetch, SceneError, SequenceInfo};
+use splitcast_scene::{Frame, FrameSource, Prefetch, SequenceInfo};
 
-use crate::args::{FrameRange, RenderArgs};
+use crate::args::RenderArgs;
 use crate::error::{CliError, warn};
 use crate::fingerprint::Fingerprint;
-use crate::input::Input;
+use crate::input::{Input, Watched, build_tree};
 use crate::progress::Progress;
 use crate::report::{FrameReport, Report, milliseconds};
 use crate::summary::{count, figure, megarays, summary};
@@ -36,7 +35,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     // Built-in scenes are made by the workers too, so these have to stand first.
     let threads = start_threads(args)?;
     let mut input = Input::open(&args.input)?;
-    let frames = frame_range(args.frames, input.source.as_ref())?;
+    let frames = input.frame_range(args.frames)?;
     let mut output = OutputOptions {
         width: options.width,
         height: options.height,
@@ -57,7 +56,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
         non_finite: args.non_finite,
         ..BuildOptions::default()
     };
-    refuse_non_finite(&mut input, &info, &frames, &build)?;
+    let mut builder =
+        SequenceBuilder::new(&build).map_err(|error| CliError::Usage(error.to_string()))?;
+    input.refuse_non_finite(&info, frames.clone(), &builder)?;
     let bounds = info.bounds.map_or(Aabb::EMPTY, |bounds| Aabb {
         min: bounds.min,
         max: bounds.max,
@@ -80,7 +81,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     for (item, place) in Prefetch::new(input.source, todo).zip(places) {
         let rendered = item.map_err(CliError::from).and_then(|(index, frame)| {
             let hand_over = || hand_over(&mut writer, finished.take());
-            render_frame(&renderer, &build, index, &frame, place, hand_over)
+            render_frame(&renderer, &mut builder, index, &frame, place, hand_over)
         });
         if rendered.is_err() {
             // What was rendered before is kept, for --resume.
@@ -136,28 +137,6 @@ fn render_options(args: &RenderArgs) -> RenderOptions {
     }
 }
 
-/// The frames asked for, or all; a range that ends behind the last frame is
-/// refused rather than cut, since the film would be shorter than expected.
-fn frame_range(
-    range: Option<FrameRange>,
-    source: &dyn FrameSource,
-) -> Result<Range<usize>, CliError> {
-    let count = source.frame_count();
-    let Some(range) = range else {
-        return Ok(0..count);
-    };
-    let end = range.end.unwrap_or(count);
-    if range.start < end && end <= count {
-        return Ok(range.start..end);
-    }
-    Err(CliError::Usage(format!(
-        "--frames {}:{} is out of range: {} has {count} frames, so the largest range is 0:{count}",
-        range.start,
-        range.end.map_or(String::new(), |end| end.to_string()),
-        source.name(),
-    )))
-}
-
 /// Starts the workers that build and trace, and gives their number.
 fn start_threads(args: &RenderArgs) -> Result<usize, CliError> {
     let threads = args
@@ -174,65 +153,17 @@ fn start_threads(args: &RenderArgs) -> Result<usize, CliError> {
 /// Goes through the whole input once: camera and ground have to suit every
 /// frame, also when only some are rendered.
 fn measure(source: &mut dyn FrameSource) -> Result<(SequenceInfo, String), CliError> {
+    let mut progress = Progress::new("measuring", source.frame_count());
+    let mut fingerprint = Fingerprint::new();
     let mut watched = Watched {
-        progress: Progress::new("measuring", source.frame_count()),
-        fingerprint: Fingerprint::new(),
         source,
+        watch: |frame: &Frame| {
+            fingerprint.add(frame);
+            progress.step("");
+        },
     };
     let info = SequenceInfo::measure(&mut watched)?;
-    Ok((info, watched.fingerprint.digits()))
-}
-
-/// Lets frames through and takes note of each.
-struct Watched<'s> {
-    source: &'s mut dyn FrameSource,
-    progress: Progress,
-    fingerprint: Fingerprint,
-}
-
-impl FrameSource for Watched<'_> {
-    fn name(&self) -> &str {
-        self.source.name()
-    }
-
-    fn frame_count(&self) -> usize {
-        self.source.frame_count()
-    }
-
-    fn frames_per_second(&self) -> f32 {
-        self.source.frames_per_second()
-    }
-
-    fn is_periodic(&self) -> bool {
-        self.source.is_periodic()
-    }
-
-    fn frame(&mut self, index: usize) -> Result<Frame, SceneError> {
-        let frame = self.source.frame(index)?;
-        self.fingerprint.add(&frame);
-        self.progress.step("");
-        Ok(frame)
-    }
-}
-
-/// Finds the first frame that cannot be built because of its vertices, before
-/// the frames in front of it are rendered in vain.
-fn refuse_non_finite(
-    input: &mut Input,
-    info: &SequenceInfo,
-    frames: &Range<usize>,
-    build: &BuildOptions,
-) -> Result<(), CliError> {
-    if build.non_finite == NonFinite::Skip {
-        return Ok(());
-    }
-    for index in frames.clone() {
-        if info.frames[index].non_finite > 0 {
-            let frame = input.source.frame(index)?;
-            build_tree(&frame, build, index, &input.place(index))?;
-        }
-    }
-    Ok(())
+    Ok((info, fingerprint.digits()))
 }
 
 fn perspective(args: &RenderArgs, outline: &[[f32; 3]]) -> Result<Perspective, CliError> {
@@ -303,14 +234,14 @@ fn tell_resumed(out: &Path, resume: bool, resumed: &Resumed) {
 /// milliseconds, and spoil its time.
 fn render_frame(
     renderer: &Renderer,
-    build: &BuildOptions,
+    builder: &mut SequenceBuilder,
     index: usize,
     frame: &Frame,
     place: String,
     hand_over: impl FnOnce() -> Result<(), CliError>,
 ) -> Result<(FrameReport, Image), CliError> {
     let started = Instant::now();
-    let tree = build_tree(frame, build, index, &place)?;
+    let tree = build_tree(frame, builder, index, &place)?;
     let built = Instant::now();
     hand_over()?;
     let tracing = Instant::now();
@@ -338,29 +269,6 @@ fn hand_over(writer: &mut OutputThread, finished: Option<(usize, Image)>) -> Res
         writer.write(index, image)?;
     }
     Ok(())
-}
-
-fn build_tree<'f>(
-    frame: &'f Frame,
-    options: &BuildOptions,
-    index: usize,
-    place: &str,
-) -> Result<KdTree<'f>, CliError> {
-    let failed = |reason: String| CliError::Frame {
-        index,
-        place: place.to_owned(),
-        reason,
-    };
-    let mesh =
-        Mesh::new(&frame.positions, &frame.triangles).map_err(|error| failed(error.to_string()))?;
-    KdTree::build(mesh, options).map_err(|error| {
-        let remedy = if matches!(error, splitcast::BuildError::NonFinite { .. }) {
-            "; use --non-finite skip"
-        } else {
-            ""
-        };
-        failed(format!("{error}{remedy}"))
-    })
 }
 
 fn progress_message(report: &FrameReport) -> String {

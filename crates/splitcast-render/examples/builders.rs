@@ -13,6 +13,7 @@
 use std::time::Instant;
 
 use splitcast::{BuildOptions, Builder, KdTree, Mesh, Ray, force_simd};
+use splitcast_render::BenchmarkRays;
 use splitcast_scene::{Frame, FrameSource, MeshSequence, builtin};
 
 /// Whatever went wrong.
@@ -114,61 +115,15 @@ fn measure(name: &str, frame: &Frame, rounds: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Million rays a second: a picture of the whole mesh, and one ray into the
-/// half space above every hit of it.
+/// Million rays a second, primary and diffuse.
 fn trace_rates(tree: &KdTree<'_>) -> (f64, f64) {
-    let bounds = tree.bounds();
-    let center: [f32; 3] = std::array::from_fn(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
-    let size = bounds.extent().iter().map(|x| x * x).sum::<f32>().sqrt();
-    let eye = [
-        center[0] + 0.6 * size,
-        center[1] + 0.4 * size,
-        center[2] + 0.9 * size,
-    ];
-    let mut bounces = Vec::new();
-    let mut seed = 1_u32;
-    let mut random = || {
-        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (seed >> 8) as f32 / (1 << 23) as f32 - 1.0
+    let rays = BenchmarkRays::new(tree, SIDE);
+    let rate = |rays: &[Ray]| {
+        let start = Instant::now();
+        BenchmarkRays::trace(tree, rays);
+        rays.len() as f64 / start.elapsed().as_secs_f64() / 1e6
     };
-    let start = Instant::now();
-    for pixel in 0..SIDE * SIDE {
-        let (x, y) = (pixel % SIDE, pixel / SIDE);
-        let (x, y) = (x as f32 / SIDE as f32 - 0.5, y as f32 / SIDE as f32 - 0.5);
-        // A plane across the view through the center, a little larger than the mesh.
-        let target = [
-            center[0] + 0.9 * size * x,
-            center[1] - 0.9 * size * y,
-            center[2] - 0.6 * size * x,
-        ];
-        let direction = std::array::from_fn(|k| target[k] - eye[k]);
-        if let Some(hit) = tree.closest_hit(&Ray::new(eye, direction)) {
-            let origin = Ray::new(eye, direction).at(hit.t);
-            bounces.push((origin, hit.normal, direction));
-        }
-    }
-    let primary = start.elapsed().as_secs_f64();
-    let bounces: Vec<Ray> = bounces
-        .into_iter()
-        .map(|(origin, normal, incoming)| {
-            let facing = normal.iter().zip(incoming).map(|(n, d)| n * d).sum::<f32>() > 0.0;
-            let normal = if facing { normal.map(|x| -x) } else { normal };
-            // A point of the unit ball added to the normal: cosine-distributed, near enough.
-            let direction = normal.map(|x| x + 0.99 * random());
-            Ray::new(origin, direction).with_range(1e-4, f32::INFINITY)
-        })
-        .collect();
-    let start = Instant::now();
-    let hits = bounces
-        .iter()
-        .filter(|ray| tree.closest_hit(ray).is_some())
-        .count();
-    std::hint::black_box(hits);
-    let diffuse = start.elapsed().as_secs_f64();
-    (
-        f64::from(SIDE * SIDE) / primary / 1e6,
-        bounces.len() as f64 / diffuse / 1e6,
-    )
+    (rate(&rays.primary), rate(&rays.diffuse))
 }
 
 fn median(values: &mut [f64]) -> f64 {

@@ -43,6 +43,7 @@
 //! change nothing.
 
 mod adaptive;
+mod benchmark_rays;
 mod camera;
 mod color_map;
 mod debug_view;
@@ -62,6 +63,7 @@ mod surface;
 mod tiles;
 mod tone_map;
 
+pub use benchmark_rays::BenchmarkRays;
 pub use camera::{Camera, DEFAULT_FOV_DEGREES, Perspective};
 pub use error::RenderError;
 pub use image::Image;
@@ -70,7 +72,7 @@ pub use options::{
 };
 pub use output::{
     FrameSink, OutputError, OutputFormat, OutputOptions, OutputSpec, OutputThread, Resumed,
-    Settings, check_writable,
+    Settings, check_writable, encode_png,
 };
 pub use renderer::{RenderStats, Renderer};
 pub use tone_map::{ToneCurve, to_srgb8};

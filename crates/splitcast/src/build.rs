@@ -3,11 +3,17 @@
 
 mod binned;
 mod binned_subtree;
+mod cell_areas;
 mod clip;
+mod counts;
+mod descent;
 mod distribute;
 mod limits;
+mod line_search;
 mod plane_search;
 mod references;
+mod running;
+mod search;
 mod straddlers;
 mod subtree;
 mod sweep;
@@ -18,8 +24,13 @@ use std::str::FromStr;
 use crate::kd_tree::KdTree;
 use crate::{BuildError, CostModel, Mesh, OptionsError};
 
+pub(crate) use cell_areas::CellAreas;
+pub(crate) use counts::count_sides;
 use limits::Limits;
 pub(crate) use references::{Reference, Triangles};
+pub(crate) use running::{History, NodeRecord};
+pub use running::{InitialState, Outcome, TrackingOptions};
+pub use search::{Orientation, ParseOrientationError, SearchOptions};
 pub(crate) use subtree::{NodeWriter, Subtree};
 
 /// The deepest tree that traversal's fixed stack can hold.
@@ -37,6 +48,15 @@ pub enum Builder {
     /// 2007): the fast full rebuild.
     #[default]
     Binned,
+    /// [`Builder::Search`] in a sequence's first frame; from then on the search
+    /// starts at the planes that a Kalman filter predicts (Hussain & Grahn
+    /// 2008), if a [`SequenceBuilder`](crate::SequenceBuilder) carries it along.
+    Kalman,
+    /// The same with a Wiener predictor.
+    Wiener,
+    /// Golden section search with parabolic interpolation at every node
+    /// (Hussain & Grahn 2007), the "normal" build of their 2008 paper.
+    Search,
     /// Exact SAH over all planes, with triangles clipped to cells (Wald &
     /// Havran 2006): the reference for quality.
     Sweep,
@@ -44,12 +64,21 @@ pub enum Builder {
 
 impl Builder {
     /// Every builder, fastest first.
-    pub const ALL: &'static [Self] = &[Self::Binned, Self::Sweep];
+    pub const ALL: &'static [Self] = &[
+        Self::Binned,
+        Self::Kalman,
+        Self::Wiener,
+        Self::Search,
+        Self::Sweep,
+    ];
 
     /// The name used on command lines and in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Binned => "binned",
+            Self::Kalman => "kalman",
+            Self::Wiener => "wiener",
+            Self::Search => "search",
             Self::Sweep => "sweep",
         }
     }
@@ -137,6 +166,10 @@ pub struct BuildOptions {
     pub min_split: u32,
     /// What to do with non-finite vertices.
     pub non_finite: NonFinite,
+    /// How the builders `search`, `kalman` and `wiener` search.
+    pub search: SearchOptions,
+    /// How the builders `kalman` and `wiener` track.
+    pub tracking: TrackingOptions,
 }
 
 impl Default for BuildOptions {
@@ -154,6 +187,8 @@ impl BuildOptions {
             max_depth: None,
             min_split: 1,
             non_finite: NonFinite::Reject,
+            search: SearchOptions::default(),
+            tracking: TrackingOptions::default(),
         };
         match preset {
             Preset::FastestBuild => Self {
@@ -183,6 +218,8 @@ impl BuildOptions {
     /// [`OptionsError`] names the first field that is out of bounds.
     pub fn validate(&self) -> Result<(), OptionsError> {
         self.cost.validate()?;
+        self.search.validate()?;
+        self.tracking.validate()?;
         match self.max_depth {
             Some(value) if value > MAX_DEPTH => Err(OptionsError::MaxDepth { value }),
             _ => Ok(()),
@@ -198,15 +235,44 @@ impl BuildOptions {
     }
 }
 
-/// Builds a tree over `mesh`; the one entry for every builder.
-pub(crate) fn build<'m>(mesh: Mesh<'m>, options: &BuildOptions) -> Result<KdTree<'m>, BuildError> {
+/// A tree, and what a searching builder wrote down about each of its nodes
+/// (nothing, from the others).
+pub(crate) struct Built<'m> {
+    pub(crate) tree: KdTree<'m>,
+    pub(crate) records: Vec<NodeRecord>,
+}
+
+/// Working memory that searching builders keep between frames: new memory costs
+/// a twentieth of their time. The others do well without.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scratch {
+    references: Vec<Reference>,
+}
+
+/// Builds a tree over `mesh`; the one entry for every builder. A `history`
+/// makes a searching builder start from its predictions.
+pub(crate) fn build<'m>(
+    mesh: Mesh<'m>,
+    options: &BuildOptions,
+    history: Option<History<'_>>,
+    scratch: &mut Scratch,
+) -> Result<Built<'m>, BuildError> {
     options.validate()?;
     let triangles = Triangles::of(mesh, options.non_finite)?;
     let max_depth = options.depth_bound(triangles.len());
     let limits = Limits::of_tree(max_depth, triangles.len());
-    let (subtree, bounds) = match options.builder {
-        Builder::Binned => binned::build(&triangles, limits, options),
-        Builder::Sweep => sweep::build(&triangles, limits, options),
+    let without_records = |(subtree, bounds)| (subtree, bounds, Vec::new());
+    let (subtree, bounds, records) = match options.builder {
+        Builder::Binned => without_records(binned::build(&triangles, limits, options)),
+        Builder::Sweep => without_records(sweep::build(&triangles, limits, options)),
+        Builder::Search | Builder::Kalman | Builder::Wiener => search::build(
+            &triangles,
+            limits,
+            options,
+            history,
+            &mut scratch.references,
+        ),
     };
-    subtree.into_tree(mesh, bounds, options.cost, triangles.skipped())
+    let tree = subtree.into_tree(mesh, bounds, options.cost, triangles.skipped())?;
+    Ok(Built { tree, records })
 }

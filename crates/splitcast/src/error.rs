@@ -2,6 +2,7 @@
 //! wrong, and what was expected.
 
 use crate::build::MAX_DEPTH;
+use crate::filter::{NoiseError, WienerError};
 
 /// Why positions and triangles do not make a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -72,6 +73,22 @@ pub enum OptionsError {
         /// Its value.
         value: f32,
     },
+    /// A number that has to lie in a range.
+    #[error("{field} is {value}, expected {expected}")]
+    OutOfRange {
+        /// Path of the field, as in `search.tolerance`.
+        field: &'static str,
+        /// Its value.
+        value: f32,
+        /// The range, in words.
+        expected: &'static str,
+    },
+    /// The noise of a filter is out of its bounds.
+    #[error("tracking.{0}")]
+    Noise(#[from] NoiseError),
+    /// A parameter of the Wiener predictor is out of its bounds.
+    #[error("tracking.{0}")]
+    Wiener(#[from] WienerError),
     /// A block size that is not a power of two up to 64.
     #[error("cost.leaf_width is {value}, expected a power of two from 1 to 64")]
     LeafWidth {

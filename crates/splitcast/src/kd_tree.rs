@@ -1,6 +1,7 @@
 //! The kd-tree: nodes of 8 bytes in depth-first order, leaves over a shared
 //! list of triangle references.
 
+use crate::build::Scratch;
 use crate::{Aabb, BuildError, BuildOptions, CostModel, Mesh, build};
 
 /// Indices of nodes and references have 30 bits.
@@ -127,7 +128,7 @@ impl<'m> KdTree<'m> {
     /// triangles out; [`BuildError::Options`] names an option out of bounds;
     /// [`BuildError::TooManyReferences`] if the tree outgrows its 30-bit indices.
     pub fn build(mesh: Mesh<'m>, options: &BuildOptions) -> Result<Self, BuildError> {
-        build::build(mesh, options)
+        Ok(build::build(mesh, options, None, &mut Scratch::default())?.tree)
     }
 
     /// Puts a tree together. `nodes` is in depth-first order and not empty.

@@ -30,22 +30,29 @@
 mod aabb;
 mod build;
 mod error;
+pub mod filter;
 mod kd_tree;
 mod mesh;
 mod ray;
 mod sah;
+mod sequence;
 mod simd;
+mod split_costs;
 mod stats;
 mod traverse;
 mod validate;
 
 pub use aabb::Aabb;
-pub use build::{BuildOptions, Builder, MAX_DEPTH, NonFinite, ParseBuilderError, Preset};
+pub use build::{
+    BuildOptions, Builder, InitialState, MAX_DEPTH, NonFinite, Orientation, Outcome,
+    ParseBuilderError, ParseOrientationError, Preset, SearchOptions, TrackingOptions,
+};
 pub use error::{BuildError, MeshError, OptionsError};
 pub use kd_tree::{KdTree, Node, NodeKind, NodeVisit};
 pub use mesh::Mesh;
 pub use ray::{Hit, Ray};
 pub use sah::CostModel;
+pub use sequence::{BuildReport, BuildStage, SequenceBuilder, SplitRecord};
 pub use simd::{SimdError, SimdLevel, force_simd};
 pub use stats::TreeStats;
 pub use traverse::{TraversalCounts, reference};

@@ -3,7 +3,7 @@
 
 mod suite;
 
-use splitcast::{BuildOptions, KdTree, Mesh, NonFinite, SimdLevel, force_simd};
+use splitcast::{BuildOptions, KdTree, Mesh, NonFinite, SequenceBuilder, SimdLevel, force_simd};
 use suite::{Expectations, cases, default_sets};
 
 #[test]
@@ -34,9 +34,14 @@ fn trees_and_hits_are_the_same_bits_on_every_instruction_set() {
     }
 }
 
-/// Builds a tree with every instruction set and compares them.
+/// Builds a tree with every instruction set and compares them, and those of
+/// a second frame, for builders that track.
 fn build_everywhere<'m>(name: &str, mesh: Mesh<'m>, options: &BuildOptions) -> KdTree<'m> {
-    let build = || KdTree::build(mesh, options).expect("bad triangles are skipped");
+    let build = || {
+        let mut sequence = SequenceBuilder::new(options).expect("options within bounds");
+        sequence.build(mesh).expect("bad triangles are skipped");
+        sequence.build(mesh).expect("bad triangles are skipped")
+    };
     force_simd(None).expect("always possible");
     let best = build();
     for &level in SimdLevel::ALL.iter().filter(|level| level.is_available()) {

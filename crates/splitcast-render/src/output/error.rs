@@ -91,6 +91,16 @@ pub enum OutputError {
         /// The encoder's own words.
         reason: String,
     },
+    /// A picture that is not to be part of an animation could not be encoded.
+    #[error("the picture of {width}x{height} pixels could not be encoded: {reason}")]
+    Picture {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// The encoder's own words.
+        reason: String,
+    },
     /// A picture that does not have the size the output was opened with, or
     /// comes out of turn: a mistake of the calling program.
     #[error("{}: frame {frame} does not fit: {reason}", path.display())]

@@ -25,6 +25,7 @@ mod yuv;
 
 pub use atomic::check_writable;
 pub use error::OutputError;
+pub use png::encode_png;
 pub use settings::Settings;
 pub use sink::{FrameSink, OutputOptions, Resumed};
 pub use spec::{OutputFormat, OutputSpec};

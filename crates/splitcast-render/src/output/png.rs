@@ -4,10 +4,30 @@ use std::io::{BufReader, Read, Seek};
 
 use ::png::{BitDepth, ColorType, Compression, Decoder, Encoder, SrgbRenderingIntent};
 
+use super::error::OutputError;
 use super::settings::Settings;
+use crate::{Image, to_srgb8};
 
 /// Keyword of the text chunk that holds the settings.
 const KEYWORD: &str = "splitcast";
+
+/// The bytes of a PNG file that shows `image`, for a picture that goes into
+/// another file, such as a page. Conversion runs on the current rayon thread pool.
+///
+/// # Errors
+/// [`OutputError::Picture`] if a side is 0, or if the pixels are not as many
+/// as the sides say.
+pub fn encode_png(image: &Image) -> Result<Vec<u8>, OutputError> {
+    let (width, height) = (image.width, image.height);
+    let rgb = to_srgb8(image);
+    encode(width, height, &rgb, &Settings::new(), Compression::High).map_err(|error| {
+        OutputError::Picture {
+            width,
+            height,
+            reason: error.to_string(),
+        }
+    })
+}
 
 /// Encodes 8-bit sRGB pixels and the settings they were made with.
 pub(super) fn encode(
@@ -72,6 +92,23 @@ mod tests {
     use std::io::Cursor;
 
     use super::*;
+    use crate::ToneCurve;
+
+    #[test]
+    fn a_picture_in_memory_keeps_its_pixels_and_a_broken_one_is_refused() {
+        let mut image = Image {
+            width: 2,
+            height: 1,
+            pixels: vec![[0.0; 3], [1.0; 3]],
+            tone_curve: ToneCurve::Exact,
+        };
+        let bytes = encode_png(&image).unwrap();
+        let rgb = decode(Cursor::new(&bytes), 2, 1, &Settings::new()).unwrap();
+        assert_eq!(rgb, [0, 0, 0, 255, 255, 255]);
+        image.width = 3;
+        let message = encode_png(&image).unwrap_err().to_string();
+        assert!(message.contains("3x1"), "{message}");
+    }
 
     #[test]
     fn round_trip_and_every_truncation() {

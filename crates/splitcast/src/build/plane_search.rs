@@ -10,7 +10,9 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, mask32x8, u32x8};
 
-use super::references::{Reference, bounds_of_lanes};
+use super::cell_areas::CellAreas;
+use super::descent::SplitCandidate;
+use super::references::{Reference, content_bounds};
 use crate::{Aabb, CostModel};
 
 /// Candidate planes an axis: one 256-bit register of single-precision values.
@@ -51,13 +53,6 @@ const REFINED_PLACES: [f32; PLANES] = [
     6.0 / 9.0,
     8.0 / 9.0,
 ];
-
-/// A plane that splits a node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SplitCandidate {
-    pub(super) axis: usize,
-    pub(super) position: f32,
-}
 
 /// The best plane for a node of `references` in `cell`, if any plane costs
 /// less than a leaf. Each reference stands for `weight` triangles.
@@ -115,17 +110,6 @@ pub(super) fn find_split<S: Simd>(
         }
     }
     Some(refined.split)
-}
-
-/// The part of the cell that references take up.
-#[inline(always)]
-fn content_bounds<S: Simd>(simd: S, references: &[Reference], cell: &Aabb) -> Aabb {
-    let mut content = bounds_of_lanes(simd, references);
-    for axis in 0..3 {
-        content.min[axis] = content.min[axis].max(cell.min[axis]);
-        content.max[axis] = content.max[axis].min(cell.max[axis]);
-    }
-    content
 }
 
 /// Planes at equal distances from one end of the content to the other.
@@ -209,56 +193,6 @@ fn tally<S: Simd>(
     let ends = planes.simd_lt(reference.max[axis]);
     *left = begins.select(*left + 1.0, *left);
     *right = ends.select(*right + 1.0, *right);
-}
-
-/// What it takes to tell the sides' shares of a cell's area for any plane.
-struct CellAreas<'a> {
-    cell: &'a Aabb,
-    /// The faces across each axis, as shares of the cell's area.
-    faces: [f32; 3],
-    /// The circumference along each axis, likewise, per length.
-    slopes: [f32; 3],
-}
-
-impl<'a> CellAreas<'a> {
-    #[inline(always)]
-    fn new(cell: &'a Aabb) -> Self {
-        let [x, y, z] = cell.extent();
-        let inverse_area = cell.half_area().recip();
-        Self {
-            cell,
-            faces: [
-                y * z * inverse_area,
-                z * x * inverse_area,
-                x * y * inverse_area,
-            ],
-            slopes: [
-                (y + z) * inverse_area,
-                (z + x) * inverse_area,
-                (x + y) * inverse_area,
-            ],
-        }
-    }
-
-    /// What splits at planes of an axis cost; infinity for a plane on the cell's
-    /// border, which would leave a side as it is.
-    #[inline(always)]
-    fn split_costs<S: Simd>(
-        &self,
-        axis: usize,
-        cost: &CostModel,
-        planes: f32x8<S>,
-        left: f32x8<S>,
-        right: f32x8<S>,
-    ) -> f32x8<S> {
-        let (min, max) = (self.cell.min[axis], self.cell.max[axis]);
-        let (faces, slope) = (self.faces[axis], self.slopes[axis]);
-        let left_share = (planes - min) * slope + faces;
-        let right_share = (max - planes) * slope + faces;
-        let costs = cost.split_lanes((left_share, left), (right_share, right));
-        let divides = planes.simd_gt(min) & planes.simd_lt(max);
-        divides.select(costs, f32x8::splat(planes.token(), f32::INFINITY))
-    }
 }
 
 /// A plane and what a split there costs.

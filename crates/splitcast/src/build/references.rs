@@ -149,11 +149,18 @@ impl<'m> Triangles<'m> {
 
     /// References to all usable triangles, in the mesh's order.
     pub(crate) fn references(&self) -> Vec<Reference> {
+        let mut references = Vec::new();
+        self.references_into(&mut references);
+        references
+    }
+
+    /// [`Triangles::references`] in memory that is there already.
+    pub(crate) fn references_into(&self, references: &mut Vec<Reference>) {
         (0..self.len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|place| self.reference(place))
-            .collect()
+            .collect_into_vec(references);
     }
 }
 
@@ -198,6 +205,17 @@ pub(crate) fn bounds_of_lanes<S: Simd>(simd: S, references: &[Reference]) -> Aab
         min: [a + 0.0, b + 0.0, c + 0.0],
         max: [d + 0.0, e + 0.0, f + 0.0],
     }
+}
+
+/// The part of the cell that references take up.
+#[inline(always)]
+pub(super) fn content_bounds<S: Simd>(simd: S, references: &[Reference], cell: &Aabb) -> Aabb {
+    let mut content = bounds_of_lanes(simd, references);
+    for axis in 0..3 {
+        content.min[axis] = content.min[axis].max(cell.min[axis]);
+        content.max[axis] = content.max[axis].min(cell.max[axis]);
+    }
+    content
 }
 
 /// Names the first vertex that keeps a triangle from being used.

@@ -71,6 +71,27 @@ pub(super) fn sort_by_side<T: Copy>(
     }
 }
 
+/// [`sort_by_side`] for members that go to both sides as they are if they
+/// straddle the plane. Gives the numbers on the left and on the right.
+#[inline(always)]
+pub(super) fn sort_to_both_sides<T: Copy>(
+    own: &mut [T],
+    behind: &mut [T],
+    extent: impl Fn(&T) -> (f32, f32),
+    position: f32,
+) -> (usize, usize) {
+    let (mut left, mut right) = (0, 0);
+    for read in 0..own.len() {
+        let (min, max) = extent(&own[read]);
+        let ends_right = max > position;
+        behind[left] = own[read];
+        own[right] = own[read];
+        left += usize::from((min < position) | !ends_right);
+        right += usize::from(ends_right);
+    }
+    (left, right)
+}
+
 /// Divides references that straddle a plane: calls `emit` for each, in order,
 /// with what lies to the left and to the right of the plane.
 ///

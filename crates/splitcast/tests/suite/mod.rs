@@ -15,13 +15,13 @@ pub(crate) mod meshes;
 pub(crate) mod rays;
 
 use splitcast::{
-    BuildOptions, Builder, Hit, KdTree, Mesh, NonFinite, Preset, Ray, Violation, reference,
+    BuildOptions, Builder, Hit, KdTree, Mesh, NonFinite, Preset, Ray, SequenceBuilder, Violation,
+    reference,
 };
 
 /// Triangle tests that brute force may take per mesh: about a tenth of a second.
 const BRUTE_FORCE_TESTS: usize = 1_000_000;
 
-/// Every preset, fastest build first.
 /// Every builder with every preset, and with bounds that make it stop early or never.
 pub(crate) fn option_sets() -> Vec<BuildOptions> {
     let mut sets = Vec::new();
@@ -57,28 +57,48 @@ pub(crate) fn option_sets() -> Vec<BuildOptions> {
 }
 
 /// Builds trees over the mesh in every way and checks each of them: it is
-/// whole, and all queries over all kinds of rays give what brute force gives.
+/// whole, and all queries over all kinds of rays give what brute force gives. Twice, since
+/// builders that track do something else in a second frame.
 ///
 /// # Panics
 /// If anything is wrong; the message names mesh, options and ray.
 pub(crate) fn check_mesh(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]]) {
-    check_mesh_with(name, positions, triangles, &option_sets());
+    let mut suite = Suite::new(&option_sets());
+    suite.check_next(name, positions, triangles);
+    suite.check_next(&format!("{name}, again"), positions, triangles);
 }
 
-/// [`check_mesh`] with given options only, for large meshes.
-pub(crate) fn check_mesh_with(
-    name: &str,
-    positions: &[[f32; 3]],
-    triangles: &[[u32; 3]],
-    option_sets: &[BuildOptions],
-) {
-    let mesh = Mesh::new(positions, triangles).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let expectations = Expectations::new(mesh);
-    for options in option_sets {
-        let tree =
-            KdTree::build(mesh, options).unwrap_or_else(|e| panic!("{name} with {options:?}: {e}"));
-        check_whole(name, &tree, options);
-        expectations.check(&tree, &format!("{name} with {options:?}"));
+/// The frames of a sequence, built in many ways, each with its own memory of
+/// the frames before.
+pub(crate) struct Suite {
+    builders: Vec<SequenceBuilder>,
+}
+
+impl Suite {
+    pub(crate) fn new(option_sets: &[BuildOptions]) -> Self {
+        let builder = |options| SequenceBuilder::new(options).expect("options within bounds");
+        Self {
+            builders: option_sets.iter().map(builder).collect(),
+        }
+    }
+
+    /// Builds the next frame in every way and checks each tree; see [`check_mesh`].
+    pub(crate) fn check_next(
+        &mut self,
+        name: &str,
+        positions: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+    ) {
+        let mesh = Mesh::new(positions, triangles).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let expectations = Expectations::new(mesh);
+        for builder in &mut self.builders {
+            let options = *builder.options();
+            let tree = builder
+                .build(mesh)
+                .unwrap_or_else(|e| panic!("{name} with {options:?}: {e}"));
+            check_whole(name, &tree, &options);
+            expectations.check(&tree, &format!("{name} with {options:?}"));
+        }
     }
 }
 

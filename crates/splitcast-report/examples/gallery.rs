@@ -275,7 +275,8 @@ fn many_names() -> Plot {
         .y(Axis::new("value"));
     for i in 0..8 {
         let offset = f64::from(i);
-        let curve = wave(40, move |t| offset + (t * 6.0 + offset).sin());
+        let curve = wave(48, move |t| offset + (t * 6.0 + offset).sin());
+        let curve = curve.map(|(t, value)| (t * 47.0, value));
         plot = plot.series(Series::line(format!("series {}", i + 1), curve));
     }
     plot

@@ -87,7 +87,7 @@ impl Section {
 
     /// Adds a figure of full width.
     pub fn figure(self, figure: Figure) -> Self {
-        self.block(Block::Figure(figure))
+        self.block(Block::Figure(Box::new(figure)))
     }
 
     /// Adds figures side by side, in as many columns as there is room for.
@@ -190,7 +190,7 @@ pub struct NotPng {
 enum Block {
     Paragraph(String),
     Table(Table),
-    Figure(Figure),
+    Figure(Box<Figure>),
     Figures(Vec<Figure>),
     Images(Vec<Image>),
     Definitions(Vec<(String, String)>),

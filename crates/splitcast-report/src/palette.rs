@@ -5,7 +5,7 @@
 //!
 //! The series colours were found by search: every pair is at least 0.07 apart in
 //! OKLab (Ottosson 2020) as seen with normal vision, protanopia, deuteranopia and
-//! tritanopia (simulated as in Machado, Oliveira & Fernandes 2009), the first
+//! tritanopia (simulated as in Machado et al. 2009), the first
 //! four at least 0.11, and every colour has a contrast of at least 3.2 to 1 with
 //! its paper. The ramp is the two thirds of viridis (van der Walt & Smith 2015)
 //! that stand out from the paper.
@@ -174,4 +174,52 @@ fn properties(color: impl Fn(&Themed) -> Rgb) -> String {
         let _ = write!(css, "--{}:{};", themed.name, color(themed));
     }
     css
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative luminance (WCAG 2.2).
+    fn luminance(color: Rgb) -> f64 {
+        let linear = |shift: u32| {
+            let c = f64::from((color.0 >> shift) & 255) / 255.0;
+            if c <= 0.04045 {
+                c / 12.92
+            } else {
+                ((c + 0.055) / 1.055).powf(2.4)
+            }
+        };
+        0.2126 * linear(16) + 0.7152 * linear(8) + 0.0722 * linear(0)
+    }
+
+    fn contrast(a: Rgb, b: Rgb) -> f64 {
+        let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
+        a.max(b) / a.min(b)
+    }
+
+    #[test]
+    fn colours_stand_out_from_their_paper() {
+        let both = |color: &Themed| {
+            let (light, dark) = (color.light, color.dark);
+            contrast(light, PAPER.light).min(contrast(dark, PAPER.dark))
+        };
+        for role in Role::SERIES {
+            assert!(both(role.color()) >= 3.2, "{role:?}");
+        }
+        // Text: the level AA of WCAG 2.2.
+        assert!(both(&INK) >= 4.5 && both(Role::Muted.color()) >= 4.5);
+        assert!(RAMP.iter().all(|color| both(color) >= 2.4));
+    }
+
+    #[test]
+    fn the_ramp_passes_through_its_colours() {
+        for (at, color) in RAMP.iter().enumerate() {
+            let paint = Paint::Ramp(at as f64 / 4.0).attributes("fill");
+            assert!(
+                paint.starts_with(&format!("fill=\"{}\"", color.light)),
+                "{paint}"
+            );
+        }
+    }
 }

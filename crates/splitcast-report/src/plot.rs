@@ -4,6 +4,7 @@
 //! gaps; a logarithmic axis leaves out what is not above 0 and says how many values
 //! those were; a plot without anything to draw says so, with the caller's reason.
 
+mod describe;
 mod draw;
 mod layout;
 mod marks;
@@ -94,9 +95,12 @@ impl Plot {
     /// of which a label is 13 high. At least 200 by 60, at most 4000 each; 460 by 230
     /// if never set. The height of the whole follows from titles and legend.
     pub fn size(mut self, width: f64, area_height: f64) -> Self {
-        // `max` first: it turns NaN into the lower bound.
-        self.width = width.max(200.0).min(4000.0);
-        self.area_height = area_height.max(60.0).min(4000.0);
+        if width.is_finite() {
+            self.width = width.clamp(200.0, 4000.0);
+        }
+        if area_height.is_finite() {
+            self.area_height = area_height.clamp(60.0, 4000.0);
+        }
         self
     }
 

@@ -5,12 +5,9 @@ use std::fmt::Write;
 use super::layout::{self, Key, Layout, Line, SAMPLE, SLOPE, Style, TICK};
 use super::marks::{self, Num};
 use super::scale::Scale;
-use super::{Dash, Kind, Plot, Series, number, text};
+use super::{Dash, Kind, Plot, Series, describe, number, text};
 use crate::escape::Escaped;
 use crate::palette::{self, INK, Paint, Role};
-
-/// Series that the description tells of one by one.
-const MAX_DESCRIBED: usize = 8;
 
 /// Dots of a plot that have tooltips: more would be most of the file.
 const MAX_TOOLTIPS: usize = 300;
@@ -35,18 +32,27 @@ pub(super) fn standalone_style() -> String {
 }
 
 fn draw(plot: &Plot, layout: &Layout, style: &str, out: &mut String) -> std::fmt::Result {
-    let (width, height) = (Num(layout.width), Num(layout.height));
+    // On a page, the page has margins.
+    let margin = if style.is_empty() { 0.0 } else { 14.0 };
     write!(
         out,
-        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img""#
+        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="{} {} {} {}" role="img""#,
+        Num(-margin),
+        Num(-margin),
+        Num(layout.width + 2.0 * margin),
+        Num(layout.height + 2.0 * margin)
     )?;
     if !style.is_empty() {
         // For viewers without CSS variables.
         write!(out, r#" color="{}" font-family="sans-serif""#, INK.light)?;
     }
     write!(out, ">")?;
-    write!(out, "<title>{}</title>", Escaped(title(plot)))?;
-    write!(out, "<desc>{}</desc>{style}", Escaped(&description(plot)))?;
+    write!(out, "<title>{}</title>", Escaped(describe::title(plot)))?;
+    write!(
+        out,
+        "<desc>{}</desc>{style}",
+        Escaped(&describe::description(plot))
+    )?;
     match layout.scales {
         Some((x, y)) => {
             let view = View { plot, layout, x, y };
@@ -391,7 +397,7 @@ fn text_line(line: &Line, out: &mut String) -> std::fmt::Result {
 fn color_key(key: &Key, out: &mut String) -> std::fmt::Result {
     const PIECES: usize = 24;
     let width = (key.right - key.left) / PIECES as f64;
-    write!(out, r#"<g class="key">"#)?;
+    write!(out, r#"<g class="key" shape-rendering="crispEdges">"#)?;
     for piece in 0..PIECES {
         let paint = Paint::Ramp(piece as f64 / (PIECES - 1) as f64);
         write!(
@@ -419,7 +425,7 @@ fn no_data(plot: &Plot, layout: &Layout, out: &mut String) -> std::fmt::Result {
         Num(width),
         Num(height)
     )?;
-    let reason = text::wrap(&reason(plot), layout::LABEL, width - 40.0, 3);
+    let reason = text::wrap(&describe::reason(plot), layout::LABEL, width - 40.0, 3);
     let center = Num((area.left + area.right) / 2.0);
     let top = (area.top + area.bottom) / 2.0 - 10.0 * reason.len() as f64 + 4.0;
     write!(
@@ -437,66 +443,4 @@ fn no_data(plot: &Plot, layout: &Layout, out: &mut String) -> std::fmt::Result {
         )?;
     }
     write!(out, "</g>")
-}
-
-/// Why nothing is drawn.
-fn reason(plot: &Plot) -> String {
-    let left_out = layout::left_out(plot).unwrap_or_default();
-    format!("{} {left_out}", plot.no_data).trim().to_owned()
-}
-
-fn title(plot: &Plot) -> &str {
-    if plot.title.is_empty() {
-        "Plot"
-    } else {
-        &plot.title
-    }
-}
-
-/// What the plot shows, in words.
-fn description(plot: &Plot) -> String {
-    let mut sentences = vec![plot.description.clone()];
-    let axes = [("Horizontal", &plot.x), ("Vertical", &plot.y)];
-    for (name, axis) in axes.into_iter().filter(|(_, axis)| !axis.text().is_empty()) {
-        let scale = if axis.log { ", logarithmic" } else { "" };
-        sentences.push(format!("{name} axis: {}{scale}.", axis.text()));
-    }
-    if let Some(family) = &plot.family {
-        let (count, label) = (family.curves.len(), &family.label);
-        let range = family.extent();
-        let range = range.map(|(lo, hi)| {
-            format!(
-                ", {label} from {} to {}",
-                number::short(lo),
-                number::short(hi)
-            )
-        });
-        sentences.push(format!("{count} curves{}.", range.unwrap_or_default()));
-    }
-    for series in plot.series.iter().take(MAX_DESCRIBED) {
-        let known = series
-            .points
-            .iter()
-            .filter(|p| p.0.is_finite() && p.1.is_finite());
-        let count = known.clone().count();
-        let range = super::scale::extent(known.map(|p| p.1))
-            .map(|(lo, hi)| format!(" from {} to {}", number::short(lo), number::short(hi)));
-        let name = if series.name.is_empty() {
-            "A series"
-        } else {
-            &series.name
-        };
-        sentences.push(format!(
-            "{name}: {count} values{}.",
-            range.unwrap_or_default()
-        ));
-    }
-    if let Some(more) = plot.series.len().checked_sub(MAX_DESCRIBED + 1) {
-        sentences.push(format!("And {} more series.", more + 1));
-    }
-    if plot.series.is_empty() && plot.family.is_none() {
-        sentences.push(format!("No data. {}", reason(plot)));
-    }
-    sentences.retain(|sentence| !sentence.trim().is_empty());
-    sentences.join(" ").trim().to_owned()
 }

@@ -9,6 +9,9 @@ pub(super) const TITLE: f64 = 14.5;
 pub(super) const LABEL: f64 = 13.0;
 pub(super) const TICK: f64 = 12.0;
 
+/// How much wider bold type is.
+const BOLD: f64 = 1.1;
+
 /// Height of a line of type, as a multiple of its size.
 const LEADING: f64 = 1.3;
 
@@ -82,23 +85,23 @@ impl Layout {
         let width = plot.width;
         let mut below = EDGE;
         let mut lines = Vec::new();
-        for line in text::wrap(&plot.title, TITLE, width - 2.0 * EDGE, 3) {
-            lines.push(stack(line, EDGE, &mut below, TITLE, Style::Title));
+        for line in text::wrap(&plot.title, TITLE * BOLD, width - EDGE, 3) {
+            lines.push(stack(line, 0.0, &mut below, TITLE, Style::Title));
         }
         let scales = scales(plot);
         if scales.is_some() {
-            for line in text::wrap(&plot.y.text(), LABEL, width - 2.0 * EDGE, 2) {
-                lines.push(stack(line, EDGE, &mut below, LABEL, Style::Label));
+            for line in text::wrap(&plot.y.text(), LABEL, width - EDGE, 2) {
+                lines.push(stack(line, 0.0, &mut below, LABEL, Style::Label));
             }
         }
         let mut layout = Self {
             width,
             height: 0.0,
             area: Area {
-                left: EDGE,
-                top: below + 9.0,
-                right: width - EDGE,
-                bottom: below + 9.0 + plot.area_height,
+                left: 1.0,
+                top: below + 11.0,
+                right: width - 1.0,
+                bottom: below + 11.0 + plot.area_height,
             },
             scales,
             x_ticks: Vec::new(),
@@ -123,12 +126,11 @@ impl Layout {
 
     fn place_ticks(&mut self, plot: &Plot, x: Scale, y: Scale) {
         let height = self.area.bottom - self.area.top;
-        let most = (height / 36.0).clamp(2.0, 8.0) as usize;
         let places = |scale: Scale, ticks: &[Tick], length: f64| -> Vec<f64> {
             let place = |tick: &Tick| scale.place(tick.value).unwrap_or(0.0) * length;
             ticks.iter().map(place).collect()
         };
-        self.y_ticks = y.ticks(most, |ticks| {
+        self.y_ticks = y.ticks(most_y_ticks(plot), |ticks| {
             let places = places(y, ticks, height);
             places
                 .windows(2)
@@ -186,7 +188,7 @@ impl Layout {
             // Sloped names end at their tick, so the first ones reach out to the left.
             let reach = self.x_ticks.iter().map(|tick| {
                 let at = (tick.value - x.lo) * slot;
-                text::width(&tick.label, TICK) * SLOPE.to_radians().cos() - at
+                text::width(&tick.label, TICK) * SLOPE.to_radians().cos() + 8.0 - at
             });
             self.area.left = reach.fold(self.area.left, f64::max).min(self.width * 0.4);
         }
@@ -298,7 +300,7 @@ impl Layout {
         };
         *below += 4.0;
         for line in text::wrap(&note, TICK, self.width - 2.0 * EDGE, 2) {
-            self.lines.push(stack(line, EDGE, below, TICK, Style::Note));
+            self.lines.push(stack(line, 0.0, below, TICK, Style::Note));
         }
     }
 }
@@ -335,9 +337,12 @@ fn scales(plot: &Plot) -> Option<(Scale, Scale)> {
     let has = |kind| plot.series.iter().any(|series| series.kind == kind);
     let mut y = plot.y.clone();
     if has(Kind::Bars) {
-        y = y.include(0.0);
+        // Bars stand on 0. On a logarithmic axis nothing is natural to stand on, but the
+        // lowest bar has to be seen.
+        let lowest = drawn().map(|p| p.1).fold(f64::INFINITY, f64::min);
+        y = y.include(if plot.y.log { lowest / 2.0 } else { 0.0 });
     }
-    let y = Scale::new(&y, drawn().map(|p| p.1), Margin::Ticks)?;
+    let y = Scale::new(&y, drawn().map(|p| p.1), Margin::Ticks(most_y_ticks(plot)))?;
     let x = if has(Kind::Bars) || !plot.categories.is_empty() {
         let bars = plot
             .series
@@ -354,6 +359,11 @@ fn scales(plot: &Plot) -> Option<(Scale, Scale)> {
         Scale::new(&plot.x, drawn().map(|p| p.0), Margin::Tight)?
     };
     Some((x, y))
+}
+
+/// Intervals of the vertical axis, by the room there is.
+fn most_y_ticks(plot: &Plot) -> usize {
+    (plot.area_height / 36.0).clamp(2.0, 8.0) as usize
 }
 
 fn widest(ticks: &[Tick]) -> f64 {

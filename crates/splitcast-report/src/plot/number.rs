@@ -7,13 +7,13 @@ pub(super) fn short(value: f64) -> String {
     }
     // The exponent after rounding to four digits: 9.9999 has that of 10.
     let rounded = format!("{value:.3e}");
-    let exponent = rounded.split_once('e').and_then(|(_, e)| e.parse().ok());
-    let exponent = exponent.unwrap_or(0);
+    let (mantissa, exponent) = rounded.split_once('e').unwrap_or((&rounded, "0"));
+    let exponent = exponent.parse().unwrap_or(0);
     if (-4..6).contains(&exponent) {
         return plain(value, (3 - exponent).max(0) as usize, true);
     }
-    let mantissa = plain(value / 10f64.powi(exponent), 3, true);
-    times_power(&mantissa, exponent)
+    // The mantissa as written: dividing fails for numbers that are next to 0.
+    times_power(&plain(mantissa.parse().unwrap_or(value), 3, true), exponent)
 }
 
 /// A multiple of `step`, with the digits it takes to tell it from its neighbours.
@@ -101,6 +101,7 @@ mod tests {
             (2.5e7, "2.5·10⁷"),
             (3e-7, "3·10⁻⁷"),
             (-1e-12, "\u{2212}10⁻¹²"),
+            (5e-324, "4.941·10⁻³²⁴"),
         ];
         for (value, expected) in cases {
             assert_eq!(short(value), expected, "{value:e}");

@@ -36,8 +36,8 @@ pub(super) enum Margin {
     Tight,
     /// A twenty-fifth of the extent.
     Narrow,
-    /// As much as it takes to end at a tick.
-    Ticks,
+    /// As much as it takes to end at a tick, with at most this many intervals.
+    Ticks(usize),
 }
 
 impl Scale {
@@ -58,27 +58,32 @@ impl Scale {
             log: axis.log,
             whole: axis.whole,
         };
-        if let Some((from, to)) = axis.range
+        let range = axis
+            .range
+            .and_then(|(from, to)| Some((held(from)?, held(to)?)));
+        if let Some((from, to)) = range
             && from < to
-            && Self::holds(axis, from)
-            && Self::holds(axis, to)
             && !is_constant(from, to)
         {
             return Some(scale((from, to)));
         }
-        let ends = if is_constant(lo, hi) {
-            around(lo, axis)
-        } else if axis.log {
+        let constant = is_constant(lo, hi);
+        if constant {
+            (lo, hi) = around(lo, axis);
+        }
+        let ends = if axis.log {
             log_margin(lo, hi, margin)
         } else {
-            let included = |end: f64| axis.include.contains(&end);
+            let included = |end: f64| !constant && axis.include.contains(&end);
             let (a, b) = linear_margin(lo, hi, margin, axis.whole);
             (
                 if included(lo) { lo } else { a },
                 if included(hi) { hi } else { b },
             )
         };
-        Some(scale(ends))
+        // Margins must not lead to where values have no place.
+        let least = if axis.log { TINY } else { -LIMIT };
+        Some(scale((ends.0.max(least), ends.1.min(LIMIT))))
     }
 
     /// Whether the scale of `axis` can hold a value.
@@ -130,7 +135,7 @@ impl Scale {
             named_by_step(&multiples(self.lo, self.hi, step), step)
         };
         let decades = if self.log {
-            (self.hi / self.lo).log10()
+            self.hi.log10() - self.lo.log10()
         } else {
             0.0
         };
@@ -207,8 +212,8 @@ fn linear_margin(lo: f64, hi: f64, margin: Margin, whole: bool) -> (f64, f64) {
             let room = (hi - lo) / 25.0;
             (lo - room, hi + room)
         }
-        Margin::Ticks => {
-            let step = linear_step(lo, hi, 6, whole);
+        Margin::Ticks(most) => {
+            let step = linear_step(lo, hi, most, whole);
             let down = (lo / step + 1e-9).floor() * step;
             let up = (hi / step - 1e-9).ceil() * step;
             (down.min(lo), up.max(hi))
@@ -220,10 +225,11 @@ fn log_margin(lo: f64, hi: f64, margin: Margin) -> (f64, f64) {
     match margin {
         Margin::Tight => (lo, hi),
         Margin::Narrow => {
-            let room = (hi / lo).powf(0.04);
+            // In logarithms: the quotient can be beyond `f64`.
+            let room = ((hi.ln() - lo.ln()) / 25.0).exp();
             (lo / room, hi * room)
         }
-        Margin::Ticks => {
+        Margin::Ticks(_) => {
             let decade = |value: f64| 10f64.powi(value.log10().floor() as i32);
             let (down, up) = (decade(lo), decade(hi));
             let down = [5.0, 2.0]

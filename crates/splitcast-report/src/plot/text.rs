@@ -12,7 +12,8 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
         'A'..='Z' => 0.7,
         // Hangul, kana, ideographs and most symbols are as wide as they are high.
         '\u{1100}'.. => 1.0,
-        _ => 0.58,
+        '0'..='9' => 0.64,
+        _ => 0.62,
     };
     text.chars().map(em).sum::<f64>() * size
 }

@@ -1,6 +1,8 @@
 //! Where results come from: machine, program, compiler, time.
 
 use std::env;
+use std::ffi::OsString;
+use std::path::Path;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -46,7 +48,15 @@ impl Provenance {
             .cpus()
             .first()
             .map(|cpu| cpu.brand().trim().to_owned());
-        let arguments = env::args_os().map(|argument| quoted(&argument.to_string_lossy()));
+        // Of the program its name, not the folder it lay in.
+        let name = |path: OsString| {
+            Path::new(&path)
+                .file_name()
+                .map_or(path.clone(), OsString::from)
+        };
+        let arguments = (env::args_os().take(1).map(name))
+            .chain(env::args_os().skip(1))
+            .map(|argument| quoted(&argument.to_string_lossy()));
         Self {
             cpu: known(cpu),
             logical_processors: std::thread::available_parallelism().ok().map(usize::from),

@@ -25,7 +25,7 @@ use crate::kd_tree::KdTree;
 use crate::{BuildError, CostModel, Mesh, OptionsError};
 
 pub(crate) use cell_areas::CellAreas;
-pub(crate) use counts::count_sides;
+pub(crate) use counts::count_sides_anywhere;
 use limits::Limits;
 pub(crate) use references::{Reference, Triangles};
 pub(crate) use running::{History, NodeRecord};

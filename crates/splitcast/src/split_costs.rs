@@ -1,6 +1,6 @@
 //! What splits of a node would cost elsewhere: the curves that builders search.
 
-use crate::build::{CellAreas, Reference, count_sides};
+use crate::build::{CellAreas, Reference, count_sides_anywhere};
 use crate::{KdTree, NodeKind};
 
 impl KdTree<'_> {
@@ -24,7 +24,7 @@ impl KdTree<'_> {
         let references = self.subtree_references(node);
         let areas = CellAreas::new(&cell);
         let cost = |&position: &f32| {
-            let counts = count_sides(&references, axis, position);
+            let counts = count_sides_anywhere(&references, axis, position);
             areas.split_cost(axis, &self.cost_model(), position, counts)
         };
         positions.iter().map(cost).collect()

@@ -14,7 +14,34 @@ const EXACT: usize = 1 << 24;
 
 /// Counts for a plane.
 #[inline(always)]
-pub(crate) fn count_sides(members: &[Reference], axis: usize, position: f32) -> SideCounts {
+pub(super) fn count_sides<S: Simd>(
+    simd: S,
+    members: &[Reference],
+    axis: usize,
+    position: f32,
+) -> SideCounts {
+    // With AVX2 the compiler gathers coordinates, which takes 1.4 times as long as one after the
+    // other does. With AVX-512 that is faster by a twentieth.
+    #[cfg(target_arch = "x86_64")]
+    if matches!(simd.level(), fearless_simd::Level::Avx2(_)) {
+        return count_sides_anywhere(members, axis, position);
+    }
+    let _ = simd;
+    count_one_by_one(members, axis, position)
+}
+
+/// [`count_sides`] outside of kernels.
+#[inline(never)]
+pub(crate) fn count_sides_anywhere(
+    members: &[Reference],
+    axis: usize,
+    position: f32,
+) -> SideCounts {
+    count_one_by_one(members, axis, position)
+}
+
+#[inline(always)]
+fn count_one_by_one(members: &[Reference], axis: usize, position: f32) -> SideCounts {
     let (mut left, mut right) = (0, 0);
     for member in members {
         left += u32::from(member.min[axis] < position);

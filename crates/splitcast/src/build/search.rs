@@ -431,7 +431,8 @@ impl<'a, S: Simd> NodeSearch<'a, S> {
     #[inline(always)]
     pub(super) fn evaluate(&mut self, axis: usize, position: f32) -> Sample {
         self.evaluations += 1;
-        self.sample(axis, position, count_sides(self.members, axis, position))
+        let counts = count_sides(self.simd, self.members, axis, position);
+        self.sample(axis, position, counts)
     }
 
     /// Counts the sides of three planes on an axis in one pass.

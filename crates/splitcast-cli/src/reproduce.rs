@@ -96,7 +96,8 @@ fn reproduce(args: &ReproduceArgs, settings: &Settings) -> Result<Vec<Row>, CliE
     let scenes = inputs.iter();
     let scenes = scenes.map(|input| Scene::open(input, args.frames, &builder));
     // All of them, before an hour is spent on the first.
-    let scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
+    let mut scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
+    distinguish(&mut scenes);
     fs::create_dir_all(&args.out).map_err(|source| file_error(&args.out, source))?;
     check_writable(&args.out.join(PAGE))?;
 
@@ -120,6 +121,19 @@ fn reproduce(args: &ReproduceArgs, settings: &Settings) -> Result<Vec<Row>, CliE
         results.write(&measured, &pages)?;
     }
     Ok(pages.into_iter().flat_map(|(_, page)| page.rows).collect())
+}
+
+/// Numbers the scenes that have the name of an earlier one, so that rows can be told apart.
+fn distinguish(scenes: &mut [Scene]) {
+    for later in 1..scenes.len() {
+        let (earlier, rest) = scenes.split_at_mut(later);
+        let name = rest[0].name.clone();
+        let mut number = 1;
+        while earlier.iter().any(|scene| scene.name == rest[0].name) {
+            number += 1;
+            rest[0].name = format!("{name}-{number}");
+        }
+    }
 }
 
 fn measure_scene(

@@ -301,7 +301,7 @@ fn nodes_are_chosen_by_their_way_from_the_root() {
 }
 
 #[test]
-fn two_scenes_of_one_name_have_files_of_their_own() {
+fn two_scenes_of_one_name_are_told_apart() {
     let place = Place::new();
     write_sheets(&place, "a", 2);
     write_sheets(&place, "b", 2);
@@ -309,7 +309,9 @@ fn two_scenes_of_one_name_have_files_of_their_own() {
     assert!(place.exists("reproduction/sheet-outcomes.svg"));
     assert!(place.exists("reproduction/sheet-2-outcomes.svg"));
     let table = json(&place, "reproduction/table1.json");
-    assert_eq!(table["scenes"].as_array().unwrap().len(), 4);
+    let names = table["scenes"].as_array().unwrap().iter();
+    let names: Vec<&str> = names.map(|row| row["scene"].as_str().unwrap()).collect();
+    assert_eq!(names, ["sheet", "sheet", "sheet-2", "sheet-2"]);
 }
 
 #[test]

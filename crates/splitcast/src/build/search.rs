@@ -263,25 +263,24 @@ impl Search<'_> {
         // Where the split is tracked: its history, and the planes around its prediction.
         let mut near = None;
         let mut lost = None;
-        match tracked {
-            Some(Tracked::Split(split)) if !hopeless => {
-                record.predicted = split.predicted;
-                near = Neighbourhood::of_prediction(node, &split, tracking);
-                lost = Some((split, Lost::Outside));
-                if let Some(neighbourhood) = near {
-                    let expected = split.cost_share * node.leaf_cost;
-                    if neighbourhood.lowest_cost() <= tracking.drift * expected {
-                        let found = neighbourhood.search(node, tracking);
-                        if found.cost < node.leaf_cost {
-                            let cost_share = lower(split.cost_share, found.cost / node.leaf_cost);
-                            record.follow(&split, cost_share);
-                            return Some(plane(split.axis, found));
-                        }
+        if let Some(Tracked::Split(split)) = tracked
+            && !hopeless
+        {
+            record.predicted = split.predicted;
+            near = Neighbourhood::of_prediction(node, &split, tracking);
+            lost = Some((split, Lost::Outside));
+            if let Some(neighbourhood) = near {
+                let expected = split.cost_share * node.leaf_cost;
+                if neighbourhood.lowest_cost() <= tracking.drift * expected {
+                    let found = neighbourhood.search(node, tracking);
+                    if found.cost < node.leaf_cost {
+                        let cost_share = lower(split.cost_share, found.cost / node.leaf_cost);
+                        record.follow(&split, cost_share);
+                        return Some(plane(split.axis, found));
                     }
-                    lost = Some((split, Lost::Drifted));
                 }
+                lost = Some((split, Lost::Drifted));
             }
-            _ => {}
         }
 
         let content = content_bounds(node.simd, node.members, node.cell);

@@ -71,10 +71,13 @@ struct Measured {
 pub(crate) fn run(args: &ReproduceArgs) -> Result<(), CliError> {
     // What can be refused at once comes first, what takes time last.
     let settings = Settings::new(args)?;
-    if let Some(json) = &args.json {
+    check_folder(&args.out)?;
+    // A file in the folder that is yet to be made can be written when the folder can.
+    if let Some(json) = &args.json
+        && json.parent() != Some(&args.out)
+    {
         check_writable(json)?;
     }
-    check_folder(&args.out)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads)
         .build()
@@ -158,12 +161,17 @@ fn measure_scene(
             node.path.in_words()
         ));
     }
+    let thumbnails = thumbnails::render(scene, settings).unwrap_or_else(|error| {
+        // Not worth losing what was measured.
+        warn(&format!("{}: no pictures: {error}", scene.name));
+        Vec::new()
+    });
     let page = ScenePage {
         name: scene.name.clone(),
         rows: Row::of_scene(&measurement),
         builders: BuilderRow::of_scene(&measurement),
         notes: measurement.notes.clone(),
-        thumbnails: thumbnails::render(scene, settings)?,
+        thumbnails,
         figures: SceneFigures::new(file, &measurement, &nodes),
     };
     let measured = Measured {

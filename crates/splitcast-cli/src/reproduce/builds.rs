@@ -129,6 +129,7 @@ impl BuildFigures {
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(crate) struct Outcomes {
     pub(crate) matched: u64,
+    pub(crate) empty_space: u64,
     pub(crate) drifted: u64,
     pub(crate) turned: u64,
     pub(crate) outside: u64,
@@ -144,7 +145,7 @@ impl Outcomes {
 
     /// All splits.
     pub(crate) fn total(&self) -> u64 {
-        self.matched + self.drifted + self.turned + self.outside + self.untracked
+        self.matched + self.empty_space + self.drifted + self.turned + self.outside + self.untracked
     }
 
     fn add(&mut self, outcome: Outcome) {
@@ -153,17 +154,23 @@ impl Outcomes {
             Outcome::Drifted => &mut self.drifted,
             Outcome::Turned => &mut self.turned,
             Outcome::Outside => &mut self.outside,
+            Outcome::EmptySpace => &mut self.empty_space,
             Outcome::Untracked => &mut self.untracked,
+            other => unreachable!("the core has an outcome that this table lacks: {other:?}"),
         } += 1;
     }
 }
 
-/// All splits of one depth. Errors are relative to the extent of what the node
-/// holds, along the axis of the split.
+/// All splits of one depth. Errors are relative to the extent of the node's
+/// cell, along the axis of the split.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(crate) struct Level {
     pub(crate) splits: u64,
     pub(crate) evaluations: u64,
+    /// Splits whose search started at the prediction.
+    pub(crate) matched: u64,
+    /// Extents of the nodes' cells along the axes of their splits, summed.
+    pub(crate) extent: f64,
     /// Splits whose prediction was of use: the same axis, inside of the node.
     pub(crate) predictions: u64,
     /// Squared differences of prediction and split, summed.
@@ -189,6 +196,8 @@ impl Level {
     pub(crate) fn merge(&mut self, other: &Self) {
         self.splits += other.splits;
         self.evaluations += other.evaluations;
+        self.matched += other.matched;
+        self.extent += other.extent;
         self.predictions += other.predictions;
         self.squared_error += other.squared_error;
         self.innovations += other.innovations;
@@ -199,6 +208,8 @@ impl Level {
         self.splits += 1;
         self.evaluations += u64::from(split.evaluations);
         let extent = f64::from(split.extent);
+        self.matched += u64::from(split.outcome == Outcome::Matched);
+        self.extent += extent;
         let is_of_use = matches!(split.outcome, Outcome::Matched | Outcome::Drifted);
         let Some(predicted) = split.predicted.filter(|_| is_of_use && extent > 0.0) else {
             return;

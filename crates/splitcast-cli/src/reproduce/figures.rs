@@ -314,8 +314,9 @@ fn innovation(file: String, scene: &SceneMeasurement) -> SceneFigure {
 
 fn outcomes(file: String, scene: &SceneMeasurement) -> SceneFigure {
     type Share = fn(&Outcomes) -> u64;
-    let all: [(&str, Share); 5] = [
+    let all: [(&str, Share); 6] = [
         ("matched", |outcomes| outcomes.matched),
+        ("empty space", |outcomes| outcomes.empty_space),
         ("drifted", |outcomes| outcomes.drifted),
         ("turned", |outcomes| outcomes.turned),
         ("outside", |outcomes| outcomes.outside),
@@ -340,8 +341,9 @@ fn outcomes(file: String, scene: &SceneMeasurement) -> SceneFigure {
         file,
         plot,
         caption: "Share of the splits by what became of their predictions. Matched: searched from \
-                  the prediction. Drifted: the axis is the same, but the cost had risen, so the \
-                  search began at the extremes. Turned: the axis has changed. Outside: the \
+                  the prediction. Empty space: cut off again where the content ends, without a \
+                  search. Drifted: the axis is the same, but the cost had risen, so the search \
+                  began at the extremes. Turned: the axis has changed. Outside: the \
                   prediction lay outside of the node. Untracked: no split stood there a frame \
                   before."
             .to_owned(),

@@ -282,7 +282,8 @@ fn columns() -> Section {
         (
             "prediction error",
             "Root mean squared difference of prediction and plane, as a share of the extent of \
-             what the node holds, over splits whose axis is as tracked.",
+             the node’s cell, over splits whose axis is as tracked and whose prediction divided \
+             the node.",
         ),
         (
             "worst frame",

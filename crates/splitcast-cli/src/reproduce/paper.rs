@@ -41,11 +41,15 @@ pub(crate) const TABLE_1: [PaperRow; 4] = [
     ),
 ];
 
-/// The row to compare a scene with: that of the built-in scene of this name,
-/// or of a file whose name begins with the animal's.
+/// The row to compare a scene with: that of the built-in scene of this name, also
+/// where more follows that is not a letter, as in `horse_gallop` or `horse-2`.
 pub(crate) fn row_for(scene: &str) -> Option<&'static PaperRow> {
     let name = scene.to_ascii_lowercase();
-    TABLE_1.iter().find(|row| name.starts_with(row.stands_for))
+    let stands_for = |row: &&PaperRow| {
+        let rest = name.strip_prefix(row.stands_for);
+        rest.is_some_and(|rest| !rest.starts_with(char::is_alphabetic))
+    };
+    TABLE_1.iter().find(stands_for)
 }
 
 /// Normal and initial times are the same in the paper.
@@ -88,6 +92,7 @@ mod tests {
             Some("Bunny Dragon")
         );
         assert_eq!(row_for("waves"), None);
+        assert_eq!(row_for("horsefly"), None);
         for name in splitcast_scene::builtin::names() {
             assert!(row_for(name).is_some(), "{name}");
         }

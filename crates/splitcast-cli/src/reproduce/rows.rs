@@ -34,7 +34,7 @@ pub(crate) struct Row {
     /// Share of tracked splits whose axis is another than a frame before.
     pub(crate) orientation_mismatch_rate: Option<f64>,
     /// Root mean squared difference of prediction and split, over the extent
-    /// of what the node holds.
+    /// of the node's cell; predictions that do not divide their node are left out.
     pub(crate) prediction_rmse_relative: Option<f64>,
     pub(crate) sah_ratio_to_sweep: Option<f64>,
     /// Time to trace the same rays, against the exact tree.

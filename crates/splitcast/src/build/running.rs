@@ -113,17 +113,22 @@ impl TrackingOptions {
 
 /// What became of a tracked split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Outcome {
-    /// The search started at the prediction.
+    /// The search started at the prediction. (If the cost had risen, the axes
+    /// were probed as well, and the prediction beat every probe.)
     Matched,
-    /// The cost had risen, so the node was searched from the extremes; the axis
-    /// is the same as before.
+    /// The plane cuts off empty space, as it did before: it stands where the content ends,
+    /// wherever it was expected, and takes no search.
+    EmptySpace,
+    /// The prediction was given up, since the split costs more than it did or nothing pays
+    /// around it, and the node searched from its extremes; the axis is the same as before.
     Drifted,
     /// The node was searched from the extremes, and the axis has changed: the
-    /// filter starts anew.
+    /// filter starts anew. The prediction is one for the axis before.
     Turned,
-    /// The prediction lay outside of the node's content: searched from the extremes, and the
-    /// filter starts anew.
+    /// The prediction does not divide the node (it lies outside of the cell, or has nothing on
+    /// one side): searched from the extremes, with the same axis. The filter starts anew.
     Outside,
     /// No split stood here a frame before.
     Untracked,
@@ -139,7 +144,8 @@ pub(crate) struct NodeRecord {
     pub(crate) evaluations: u32,
     /// Where the plane was expected; NaN if it was not tracked.
     pub(crate) predicted: f32,
-    /// Extent of the content on the split's axis.
+    /// Extent of the content on the split's axis when the node was last
+    /// searched from its extremes.
     extent: f32,
     /// Extent of the cell on the split's axis.
     pub(crate) cell_extent: f32,
@@ -179,6 +185,14 @@ impl NodeRecord {
         self.cost_share = cost_share;
     }
 
+    /// Writes down a plane that cuts off the same side as before.
+    #[inline(always)]
+    pub(super) fn cut_again(&mut self, split: &TrackedSplit, empty_side: usize, cost_share: f32) {
+        self.follow(split, cost_share);
+        self.outcome = Outcome::EmptySpace;
+        self.empty_side = Some(empty_side as u8);
+    }
+
     /// Writes down a split of a node whose content was looked at as a whole.
     #[inline(always)]
     pub(super) fn settle(
@@ -198,8 +212,8 @@ impl NodeRecord {
             .map(|side| side as u8);
         if let Some((split, lost)) = lost {
             self.outcome = match lost {
+                _ if axis != split.axis => Outcome::Turned,
                 Lost::Outside => Outcome::Outside,
-                Lost::Drifted if axis != split.axis => Outcome::Turned,
                 Lost::Drifted => Outcome::Drifted,
             };
             if self.outcome == Outcome::Drifted {
@@ -302,7 +316,7 @@ impl Tracked {
 /// What became of a prediction before a node was searched from its extremes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lost {
-    /// The split costs more than it did.
+    /// The split costs more than it did, or does not pay any more.
     Drifted,
     /// The prediction does not divide the node's content.
     Outside,

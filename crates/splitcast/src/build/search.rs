@@ -253,9 +253,12 @@ impl Search<'_> {
         } = self.options;
         // Two filled sides cost at least this much, wherever the plane: only
         // cutting off empty space can help.
-        let hopeless = node.leaf_cost <= cost.traversal + cost.intersection;
+        let least_cost = cost.traversal + cost.intersection;
+        let hopeless = node.leaf_cost <= least_cost;
+        // A leaf that has not grown stays one, if it is so small that a split can save little.
+        // A large one may have been a heap in which no plane paid, and have come apart since.
         if let Some(Tracked::Leaf { searched_at }) = tracked
-            && (hopeless || node.count <= searched_at)
+            && (hopeless || (node.count <= searched_at && node.leaf_cost <= 2.0 * least_cost))
         {
             record.references = searched_at;
             return None;
@@ -289,8 +292,7 @@ impl Search<'_> {
             let again = ends[axis][end];
             record.predicted = split.predicted;
             if again.cost < node.leaf_cost {
-                record.settle(node.leaf_cost, axis, again, content.extent()[axis], None);
-                record.follow(&split, again.cost / node.leaf_cost);
+                record.cut_again(&split, end, again.cost / node.leaf_cost);
                 return Some(plane(axis, again));
             }
             lost = Some((split, Lost::Drifted));

@@ -8,7 +8,7 @@ use splitcast::{
     BuildError, BuildOptions, Builder, CostModel, KdTree, Mesh, NonFinite, OptionsError, Preset,
     Ray,
 };
-use suite::meshes::{Rng, Soup, bumpy_sphere, sphere};
+use suite::meshes::{Rng, Soup, bumpy_sphere, sheet, sphere};
 use suite::{Suite, cases, check_mesh, default_sets, option_sets};
 
 fn mesh(soup: &Soup) -> Mesh<'_> {
@@ -44,7 +44,11 @@ fn a_sequence_of_unrelated_meshes_equals_brute_force() {
 
 #[test]
 fn trees_do_not_depend_on_the_number_of_threads() {
-    let soups = [bumpy_sphere(6, 0.3), cases::soup(20_000, 0.05, 3)];
+    let soups = [
+        bumpy_sphere(6, 0.3),
+        cases::soup(20_000, 0.05, 3),
+        sheet(60, 0.0),
+    ];
     for (soup, &builder) in soups
         .iter()
         .flat_map(|s| Builder::ALL.iter().map(move |b| (s, b)))
@@ -60,7 +64,7 @@ fn trees_do_not_depend_on_the_number_of_threads() {
                 pool.install(|| KdTree::build(mesh(soup), &options).expect("finite vertices"))
             };
             let one = build(1);
-            for threads in [2, 3] {
+            for threads in [2, 3, 7] {
                 let several = build(threads);
                 assert_eq!(one.bounds(), several.bounds());
                 assert!(

@@ -4,15 +4,17 @@
 mod suite;
 
 use splitcast::{BuildOptions, KdTree, Mesh, NonFinite, SequenceBuilder, SimdLevel, force_simd};
+use suite::meshes::sheet;
 use suite::{Expectations, cases, default_sets};
 
 #[test]
 fn trees_and_hits_are_the_same_bits_on_every_instruction_set() {
-    let (positions, triangles) = sheet(60);
+    // Enough for every phase of a build.
+    let sheet = sheet(60, 0.0);
     for options in default_sets() {
         build_everywhere(
             "sheet",
-            Mesh::new(&positions, &triangles).unwrap(),
+            Mesh::new(&sheet.positions, &sheet.triangles).unwrap(),
             &options,
         );
     }
@@ -52,21 +54,4 @@ fn build_everywhere<'m>(name: &str, mesh: Mesh<'m>, options: &BuildOptions) -> K
         assert_eq!(tree.bounds(), best.bounds(), "{name}, {level}");
     }
     best
-}
-
-/// A wavy sheet of `2 * n * n` triangles: enough for every phase of a build.
-fn sheet(n: u32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
-    let position = |i: u32, j: u32| {
-        let (x, y) = (i as f32 / n as f32, j as f32 / n as f32);
-        // Polynomials only: the same on every platform.
-        [x, y, (x - 0.3) * (y - 0.6) * (x - y)]
-    };
-    let positions = (0..=n)
-        .flat_map(|i| (0..=n).map(move |j| position(i, j)))
-        .collect();
-    let triangles = (0..n)
-        .flat_map(|i| (0..n).map(move |j| i * (n + 1) + j))
-        .flat_map(|a| [[a, a + n + 1, a + n + 2], [a, a + n + 2, a + 1]])
-        .collect();
-    (positions, triangles)
 }

@@ -58,9 +58,7 @@ impl SplitPolicy for Binning<'_> {
         limits: &Limits,
         (): (),
     ) -> Option<Split<()>> {
-        let count = members.len();
-        // In the worst case every reference goes to both sides.
-        if count <= self.min_split || !limits.allow(count, 2 * count) {
+        if !limits.allow_any(members.len(), self.min_split) {
             return None;
         }
         let plane = find_split(simd, members, cell, &self.options.cost, self.weight)?;

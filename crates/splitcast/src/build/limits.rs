@@ -40,6 +40,13 @@ impl Limits {
         self.levels > 0 && total as f32 <= self.growth * count as f32
     }
 
+    /// Whether a node of `count` references may be split wherever the plane: in the
+    /// worst case every reference goes to both sides. No node of `min_split` or fewer may.
+    #[inline(always)]
+    pub(super) fn allow_any(&self, count: usize, min_split: usize) -> bool {
+        count > min_split && self.allow(count, 2 * count)
+    }
+
     /// What is left for nodes `levels` below one of `count` references, which
     /// together have `total`.
     #[inline(always)]

@@ -189,8 +189,7 @@ impl SplitPolicy for Search<'_> {
     ) -> Option<Split<Place>> {
         let count = members.len();
         let mut record = NodeRecord::new(count as u32, place.depth);
-        // In the worst case every reference goes to both sides.
-        if count <= self.options.min_split as usize || !limits.allow(count, 2 * count) {
+        if !limits.allow_any(count, self.options.min_split as usize) {
             self.records.push(record);
             return None;
         }

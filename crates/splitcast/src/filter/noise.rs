@@ -156,6 +156,11 @@ impl VirtualObservations {
         self.values.extend(observed);
         &self.values
     }
+
+    /// What [`VirtualObservations::observe`] returned last; nothing before its first call.
+    pub fn last(&self) -> &[f32] {
+        &self.values
+    }
 }
 
 /// What random numbers are used for; each use has its own.

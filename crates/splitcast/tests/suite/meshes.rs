@@ -140,3 +140,20 @@ pub(crate) fn bumpy_sphere(levels: u32, phase: f32) -> Soup {
         [x * radius, y * radius, z * radius]
     })
 }
+
+/// A wavy sheet of `2 * n * n` triangles whose waves have moved by `phase`.
+pub(crate) fn sheet(n: u32, phase: f32) -> Soup {
+    let position = |i: u32, j: u32| {
+        let (x, y) = (i as f32 / n as f32, j as f32 / n as f32);
+        // Polynomials only: the same on every platform.
+        [x, y, (x - 0.3 - phase) * (y - 0.6 + phase) * (x - y)]
+    };
+    let rows = (0..=n).flat_map(|i| (0..=n).map(move |j| position(i, j)));
+    let corners = (0..n).flat_map(|i| (0..n).map(move |j| i * (n + 1) + j));
+    Soup {
+        positions: rows.collect(),
+        triangles: corners
+            .flat_map(|a| [[a, a + n + 1, a + n + 2], [a, a + n + 2, a + 1]])
+            .collect(),
+    }
+}

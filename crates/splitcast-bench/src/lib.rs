@@ -1,0 +1,21 @@
+//! Splitcast side by side with its peers: the same moving meshes, the same rays, one run.
+//!
+//! [`Catalog`] finds the systems, [`measure()`] lets them follow a scene in turns.
+//! A system is added by implementing [`System`] in one file; see `docs/benchmarks.md`.
+
+mod check;
+mod measure;
+mod memory;
+mod rays;
+mod system;
+mod systems;
+mod workers;
+
+pub use check::{Agreement, TOLERANCE};
+pub use measure::{
+    MeasureError, Plan, SceneMeasurement, SystemMeasurement, TraceSample, UpdateSample, measure,
+};
+pub use rays::{LANES, Picture, RayBlock, RaySet, RaySetKind, ray_sets};
+pub use system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
+pub use systems::Catalog;
+pub use workers::pool;

@@ -1,0 +1,78 @@
+//! How much memory a system holds: an allocator that counts while it is asked to.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
+
+/// Passes everything on to the system's allocator. While nothing is counted, that
+/// costs one load of a flag that never changes, so times are not touched.
+struct Counting;
+
+static COUNTS: AtomicBool = AtomicBool::new(false);
+static HELD: AtomicIsize = AtomicIsize::new(0);
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn count(change: isize) {
+    if COUNTS.load(Ordering::Relaxed) {
+        HELD.fetch_add(change, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: every call goes to the system's allocator unchanged, whose promises these are.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        count(new_size as isize - layout.size() as isize);
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+}
+
+/// Runs `work` and tells by how many bytes it changed what all threads hold of
+/// Rust's heap. Calls must not overlap.
+pub(crate) fn held_by<R>(work: impl FnOnce() -> R) -> (R, isize) {
+    HELD.store(0, Ordering::Relaxed);
+    COUNTS.store(true, Ordering::SeqCst);
+    let result = work();
+    COUNTS.store(false, Ordering::SeqCst);
+    (result, HELD.load(Ordering::Relaxed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_counts_and_what_is_freed_does_not() {
+        const BYTES: usize = 64 << 20;
+        const SLACK: isize = 4 << 20;
+        let (kept, held) = held_by(|| {
+            drop(std::hint::black_box(vec![1_u8; BYTES]));
+            let mut kept = vec![1_u8; BYTES / 2];
+            kept.reserve_exact(BYTES / 2);
+            std::hint::black_box(kept)
+        });
+        // Other tests may allocate a little meanwhile.
+        assert!((held - BYTES as isize).abs() < SLACK, "{held} bytes");
+        let ((), change) = held_by(|| drop(kept));
+        assert!((held + change).abs() < SLACK, "{change} bytes");
+    }
+}

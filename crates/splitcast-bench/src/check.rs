@@ -1,9 +1,11 @@
 //! Whether a system finds what is there: against brute force on a sample of
 //! the rays, and in sum on all of them.
 
+use std::fmt;
+
 use rayon::prelude::*;
 use serde::Serialize;
-use splitcast::{KdTree, reference};
+use splitcast::{KdTree, Mesh, reference};
 
 use crate::rays::{RaySet, RaySetKind};
 use crate::workers::TraceOutput;
@@ -22,6 +24,8 @@ pub(crate) struct Truth {
     t: Vec<f32>,
     /// Rays whose truth comes from brute force.
     sample: Vec<usize>,
+    /// How far from its triangle a hit may be: the tolerance of the scene's diagonal.
+    reach: f32,
 }
 
 impl Truth {
@@ -49,7 +53,12 @@ impl Truth {
         for (&index, truth) in sample.iter().zip(by_force) {
             t[index] = truth;
         }
-        Self { t, sample }
+        let diagonal = tree.bounds().extent().iter().map(|x| x * x).sum::<f32>().sqrt();
+        Self {
+            t,
+            sample,
+            reach: TOLERANCE as f32 * diagonal,
+        }
     }
 }
 
@@ -88,11 +97,17 @@ impl Agreement {
     }
 
     /// Compares what a system found with what is there.
-    pub(crate) fn add(&mut self, set: &RaySet, truth: &Truth, found: &TraceOutput) {
-        let found = |index: usize| match (set.kind.is_occlusion(), found.occluded[index]) {
+    pub(crate) fn add(
+        &mut self,
+        mesh: Mesh<'_>,
+        set: &RaySet,
+        truth: &Truth,
+        output: &TraceOutput,
+    ) {
+        let found = |index: usize| match (set.kind.is_occlusion(), output.occluded[index]) {
             (true, true) => 0.0,
             (true, false) => f32::INFINITY,
-            (false, _) => found.t[index],
+            (false, _) => output.t[index],
         };
         for (index, &expected) in truth.t.iter().enumerate() {
             let found = found(index);
@@ -107,8 +122,15 @@ impl Agreement {
             }
         }
         self.sample += truth.sample.len();
-        let wrong = |&&index: &&usize| !is_near(found(index).into(), truth.t[index].into());
-        self.sample_wrong += truth.sample.iter().filter(wrong).count();
+        let right = |&index: &usize| {
+            let at_triangle = || {
+                let point = set.rays[index].at(found(index));
+                is_at_triangle(mesh, output.triangle[index], point, truth.reach)
+            };
+            is_near(found(index).into(), truth.t[index].into())
+                && (set.kind.is_occlusion() || found(index) == f32::INFINITY || at_triangle())
+        };
+        self.sample_wrong += truth.sample.iter().filter(|&index| !right(index)).count();
     }
 
     /// Whether all is as it should be.
@@ -116,6 +138,30 @@ impl Agreement {
         self.sample_wrong == 0
             && is_near(self.hits as f64, self.hits_expected as f64)
             && is_near(self.distance, self.distance_expected)
+    }
+}
+
+impl fmt::Display for Agreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}: {} of {} sampled rays are wrong, {} hits where there are {}",
+            self.rays, self.sample_wrong, self.sample, self.hits, self.hits_expected
+        )?;
+        if self.rays.is_occlusion() {
+            return Ok(());
+        }
+        let (found, expected) = (self.distance, self.distance_expected);
+        write!(f, ", distances that sum to {found} instead of {expected}")
+    }
+}
+
+/// Whether a point lies in a triangle's box, grown by `reach`: of two triangles
+/// that share the edge that is hit, either is right.
+fn is_at_triangle(mesh: Mesh<'_>, triangle: u32, point: [f32; 3], reach: f32) -> bool {
+    (triangle as usize) < mesh.triangles().len() && {
+        let bounds = mesh.triangle_bounds(triangle);
+        (0..3).all(|k| (bounds.min[k] - reach..=bounds.max[k] + reach).contains(&point[k]))
     }
 }
 

@@ -7,9 +7,10 @@
 //! system before it left there is gone.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
+use serde::Serialize;
 use splitcast::{BuildOptions, KdTree, Mesh};
 use splitcast_scene::{Frame, FrameSource, SceneError};
 
@@ -33,6 +34,15 @@ pub struct Plan {
     pub every: usize,
     /// How often the whole sequence is gone through.
     pub rounds: usize,
+    /// Time since a moment that does not change: [`wall_clock`], unless the
+    /// measurement itself is measured.
+    pub clock: fn() -> Duration,
+}
+
+/// Time since it was first asked for.
+pub fn wall_clock() -> Duration {
+    static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+    START.elapsed()
 }
 
 /// Why a scene cannot be measured.
@@ -52,7 +62,7 @@ pub enum MeasureError {
 }
 
 /// All systems on one scene with one number of threads.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct SceneMeasurement {
     /// Name of the scene.
     pub scene: String,
@@ -67,7 +77,7 @@ pub struct SceneMeasurement {
 }
 
 /// One system on one scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct SystemMeasurement {
     /// Its name.
     pub name: String,
@@ -84,7 +94,7 @@ pub struct SystemMeasurement {
 }
 
 /// One update, and the rays traced behind it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct UpdateSample {
     /// Number of the frame.
     pub frame: usize,
@@ -97,7 +107,7 @@ pub struct UpdateSample {
 }
 
 /// One set of rays, traced.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct TraceSample {
     /// Number of rays.
     pub rays: usize,
@@ -105,8 +115,22 @@ pub struct TraceSample {
     pub ms: f64,
 }
 
+impl TraceSample {
+    /// Million rays a second; none where there was no ray.
+    pub fn megarays(&self) -> Option<f64> {
+        (self.rays > 0).then(|| self.rays as f64 / self.ms / 1e3)
+    }
+}
+
+impl Plan {
+    /// How many steps the measurement of a sequence of so many frames takes.
+    pub fn steps(&self, frames: usize) -> usize {
+        1 + self.rounds * frames.max(2)
+    }
+}
+
 /// Measures systems on a scene, on the current rayon pool. `step` is called
-/// before every frame with what has been done and what there is to do.
+/// behind each step.
 ///
 /// A sequence of one frame is taken for one that stands still for two.
 ///
@@ -117,14 +141,13 @@ pub fn measure(
     entries: &[CatalogEntry],
     picture: &Picture,
     plan: &Plan,
-    step: &mut dyn FnMut(usize, usize),
+    step: &mut dyn FnMut(),
 ) -> Result<SceneMeasurement, MeasureError> {
     let frames = source.frame_count();
     let mut sequence: Vec<usize> = (0..frames).collect();
     if frames == 1 {
         sequence.push(0);
     }
-    let steps = 2 + plan.rounds * sequence.len();
     let mut contenders: Vec<Contender> = entries
         .iter()
         .map(|entry| Contender::new(entry, plan))
@@ -132,7 +155,6 @@ pub fn measure(
     let mut largest = 0;
 
     // Checks, the choice of modes and memory come before any time that counts.
-    step(0, steps);
     let first = PaddedFrame::read(source, sequence[0], None)?;
     let second = PaddedFrame::read(source, sequence[1], Some(&first))?;
     let stages = [
@@ -143,6 +165,7 @@ pub fn measure(
         contender.prepare(&stages, plan);
     }
     drop(stages);
+    step();
 
     for round in 0..plan.rounds {
         for contender in &mut contenders {
@@ -150,7 +173,6 @@ pub fn measure(
         }
         let mut before = None;
         for (place, &index) in sequence.iter().enumerate() {
-            step(2 + round * sequence.len() + place, steps);
             let frame = PaddedFrame::read(source, index, before.as_ref())?;
             largest = largest.max(frame.triangles.len());
             // Behind the first frame, which is not an update, every so many.
@@ -161,9 +183,9 @@ pub fn measure(
                 contenders[turn].take_turn(&stage, place > 0);
             }
             before = Some(frame);
+            step();
         }
     }
-    step(steps, steps);
     Ok(SceneMeasurement {
         scene: source.name().to_owned(),
         threads: plan.threads,
@@ -259,6 +281,7 @@ impl<'f> Stage<'f> {
 /// A system with what was measured of it.
 struct Contender<'e> {
     entry: &'e CatalogEntry,
+    clock: fn() -> Duration,
     /// None once it failed.
     system: Option<Box<dyn System>>,
     /// The mode of each set.
@@ -271,6 +294,7 @@ impl<'e> Contender<'e> {
     fn new(entry: &'e CatalogEntry, plan: &Plan) -> Self {
         Self {
             entry,
+            clock: plan.clock,
             system: None,
             modes: vec![0; plan.rays.len()],
             output: TraceOutput::default(),
@@ -310,7 +334,7 @@ impl<'e> Contender<'e> {
                 for (index, (set, truth)) in stage.sets.iter().zip(&stage.truths).enumerate() {
                     let modes = tracer.modes(set.kind);
                     if place == 0 {
-                        contender.modes[index] = fastest_mode(&*tracer, set, &mut output);
+                        contender.modes[index] = fastest_mode(&*tracer, set, &mut output, plan.clock);
                         contender
                             .measurement
                             .modes
@@ -318,7 +342,12 @@ impl<'e> Contender<'e> {
                     }
                     output.clear(set);
                     trace(&*tracer, contender.modes[index], set, &mut output);
-                    contender.measurement.agreement[index].add(set, truth, &output);
+                    contender.measurement.agreement[index].add(
+                        stage.frame.mesh,
+                        set,
+                        truth,
+                        &output,
+                    );
                 }
                 held_at_most = held_at_most.max(bytes);
                 bytes += held_by(|| drop(tracer)).1;
@@ -337,24 +366,30 @@ impl<'e> Contender<'e> {
         };
         let mut output = std::mem::take(&mut self.output);
         self.system = self.guarded(|contender| {
-            let started = Instant::now();
+            let clock = contender.clock;
+            let started = clock();
             let tracer = system.update(stage.frame)?;
-            let mut update = started.elapsed();
+            let mut update = clock() - started;
             let mut traces = Vec::with_capacity(stage.sets.len());
             for (index, set) in stage.sets.iter().enumerate() {
                 output.clear(set);
-                let started = Instant::now();
+                let started = clock();
                 trace(&*tracer, contender.modes[index], set, &mut output);
                 traces.push(TraceSample {
                     rays: set.rays.len(),
-                    ms: milliseconds(started.elapsed()),
+                    ms: milliseconds(clock() - started),
                 });
-                contender.measurement.agreement[index].add(set, &stage.truths[index], &output);
+                contender.measurement.agreement[index].add(
+                    stage.frame.mesh,
+                    set,
+                    &stage.truths[index],
+                    &output,
+                );
             }
             let sah_cost = (!traces.is_empty()).then(|| tracer.sah_cost()).flatten();
-            let started = Instant::now();
+            let started = clock();
             drop(tracer);
-            update += started.elapsed();
+            update += clock() - started;
             if counts {
                 contender.measurement.updates.push(UpdateSample {
                     frame: stage.number,
@@ -386,7 +421,12 @@ impl<'e> Contender<'e> {
 }
 
 /// The mode that takes the least time; every one is warmed up by its first trial.
-fn fastest_mode(tracer: &dyn Tracer, set: &RaySet, output: &mut TraceOutput) -> usize {
+fn fastest_mode(
+    tracer: &dyn Tracer,
+    set: &RaySet,
+    output: &mut TraceOutput,
+    clock: fn() -> Duration,
+) -> usize {
     let modes = tracer.modes(set.kind).len();
     if modes < 2 {
         return 0;
@@ -395,9 +435,9 @@ fn fastest_mode(tracer: &dyn Tracer, set: &RaySet, output: &mut TraceOutput) -> 
     for _ in 0..TRIALS {
         for (mode, least) in least.iter_mut().enumerate() {
             output.clear(set);
-            let started = Instant::now();
+            let started = clock();
             trace(tracer, mode, set, output);
-            *least = started.elapsed().min(*least);
+            *least = (clock() - started).min(*least);
         }
     }
     let fastest = (0..modes).min_by_key(|&mode| least[mode]);

@@ -1,0 +1,331 @@
+//! The command: measures what the arguments ask for and writes the results down.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use serde::Serialize;
+use splitcast::Aabb;
+use splitcast_console::{
+    Excerpt, Input, InputError, Progress, USAGE, count, parse_command_line, report_error, to_json,
+    warn,
+};
+use splitcast_render::{
+    Camera, DEFAULT_FOV_DEGREES, OutputError, Perspective, RenderError, check_writable,
+};
+use splitcast_report::Provenance;
+use splitcast_scene::{FrameSource, SceneError, SequenceInfo, builtin, write_atomically};
+
+use crate::args::Args;
+use crate::measure::{MeasureError, Plan, SceneMeasurement, measure, wall_clock};
+use crate::page;
+use crate::rays::{Picture, RaySetKind};
+use crate::results::{Ratio, Row};
+use crate::systems::Catalog;
+use crate::terminal;
+use crate::workers::pool;
+
+/// Frames in which rays are traced, and updates that are made, if nothing else is asked for.
+const SAMPLES: usize = 10;
+
+/// The page's file name.
+const PAGE: &str = "report.html";
+
+/// What is up in a picture.
+const UP: [f32; 3] = [0.0, 1.0, 0.0];
+
+/// Why the command ended early.
+#[derive(Debug, thiserror::Error)]
+enum CommandError {
+    #[error("{0}")]
+    Usage(String),
+    #[error(transparent)]
+    Input(#[from] InputError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("{place}: {source}")]
+    Measure { place: String, source: MeasureError },
+    #[error(transparent)]
+    Picture(#[from] RenderError),
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    #[error("{}: {source}", path.display())]
+    File { path: PathBuf, source: io::Error },
+    #[error("the {0} threads could not be started: choose fewer with --threads")]
+    Threads(usize),
+    #[error("standard output: {0}")]
+    Stdout(#[from] io::Error),
+}
+
+/// Runs the command with the arguments of the process.
+pub fn main() -> ExitCode {
+    let args = match parse_command_line::<Args>() {
+        Ok(args) => args,
+        Err(code) => return code,
+    };
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever closed the pipe, such as `head`, has seen enough.
+        Err(CommandError::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            report_error(&error.to_string());
+            match error {
+                CommandError::Usage(_) => ExitCode::from(USAGE),
+                _ => ExitCode::FAILURE,
+            }
+        }
+    }
+}
+
+/// What a run is made with.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Settings {
+    pub(crate) size: (u32, u32),
+    pub(crate) threads: Vec<usize>,
+    pub(crate) every: Option<usize>,
+    pub(crate) rounds: Option<usize>,
+}
+
+/// A system that took part.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct SystemInfo {
+    pub(crate) name: String,
+    pub(crate) family: &'static str,
+    pub(crate) about: String,
+    pub(crate) yardstick: Option<String>,
+}
+
+/// Everything that a run found out.
+pub(crate) struct Report {
+    pub(crate) machine: Provenance,
+    pub(crate) settings: Settings,
+    pub(crate) kinds: Vec<RaySetKind>,
+    pub(crate) systems: Vec<SystemInfo>,
+    pub(crate) missing: Vec<String>,
+    pub(crate) scenes: Vec<SceneMeasurement>,
+    pub(crate) rows: Vec<Row>,
+    pub(crate) ratios: Vec<Ratio>,
+}
+
+fn run(args: &Args) -> Result<(), CommandError> {
+    let catalog = Catalog::new();
+    let mut out = io::stdout().lock();
+    if args.list {
+        for entry in &catalog.entries {
+            writeln!(out, "{}: {}", entry.name, entry.about)?;
+        }
+        for missing in &catalog.missing {
+            writeln!(out, "missing: {missing}")?;
+        }
+        return Ok(());
+    }
+    let catalog = catalog.choose(&args.systems).map_err(CommandError::Usage)?;
+    let mut kinds = RaySetKind::ALL.to_vec();
+    kinds.retain(|kind| args.rays.is_empty() || args.rays.contains(kind));
+    check_folder(&args.out)?;
+    // A file in the folder that is yet to be made can be written when the folder can.
+    if let Some(json) = &args.json
+        && json.parent() != Some(&args.out)
+    {
+        check_writable(json)?;
+    }
+    let inputs = if args.input.is_empty() {
+        builtin::names().map(PathBuf::from).collect()
+    } else {
+        args.input.clone()
+    };
+    // All of them, before an hour is spent on the first.
+    let scenes = inputs.iter().map(|input| Scene::open(input, args.size));
+    let mut scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
+    fs::create_dir_all(&args.out).map_err(|source| file_error(&args.out, source))?;
+    for missing in &catalog.missing {
+        warn(missing);
+    }
+    let mut report = Report {
+        machine: Provenance::collect("splitcast-bench", env!("CARGO_PKG_VERSION")),
+        settings: Settings {
+            size: args.size,
+            threads: args.threads.iter().map(|threads| threads.get()).collect(),
+            every: args.every.map(usize::from),
+            rounds: args.rounds.map(usize::from),
+        },
+        kinds,
+        systems: Vec::new(),
+        missing: catalog.missing.clone(),
+        scenes: Vec::new(),
+        rows: Vec::new(),
+        ratios: Vec::new(),
+    };
+    for entry in &catalog.entries {
+        writeln!(out, "{}: {}", entry.name, entry.about)?;
+        report.systems.push(SystemInfo {
+            name: entry.name.clone(),
+            family: entry.family,
+            about: entry.about.clone(),
+            yardstick: entry.yardstick.clone(),
+        });
+    }
+    for scene in &mut scenes {
+        for &threads in &args.threads {
+            let threads = threads.get();
+            let measured = scene.measure(&catalog, &report.kinds, args, threads)?;
+            let rows = Row::of_scene(&measured, &report.kinds);
+            writeln!(
+                out,
+                "\n{}, {} triangles, {}, {}\n{}{}",
+                measured.scene,
+                splitcast_console::table::grouped(measured.triangles),
+                count(measured.frames, "frame"),
+                count(threads, "thread"),
+                terminal::systems(&rows, &report.kinds),
+                terminal::LEGEND,
+            )?;
+            for line in troubles(&measured) {
+                writeln!(out, "{line}")?;
+            }
+            report.ratios.extend(Ratio::of_rows(&rows, &report.kinds));
+            report.rows.extend(rows);
+            report.scenes.push(measured);
+            // After every scene: what was measured is kept if the next one fails.
+            report.write(&args.out, args.json.as_deref())?;
+        }
+    }
+    if !report.ratios.is_empty() {
+        write!(out, "\n{}", terminal::ratios(&report.ratios, &report.kinds))?;
+    }
+    Ok(writeln!(out, "{}", args.out.join(PAGE).display())?)
+}
+
+/// What went wrong with systems, in a line each.
+pub(crate) fn troubles(scene: &SceneMeasurement) -> Vec<String> {
+    let mut lines = Vec::new();
+    for system in &scene.systems {
+        if let Some(failure) = &system.failure {
+            lines.push(format!("{} gave up: {failure}", system.name));
+        }
+        for wrong in system.agreement.iter().filter(|agreement| !agreement.agrees()) {
+            lines.push(format!("{} disagrees on {wrong}", system.name));
+        }
+    }
+    lines
+}
+
+/// An input that is ready to be measured.
+struct Scene {
+    place: PathBuf,
+    frames: Excerpt,
+    picture: Picture,
+}
+
+impl Scene {
+    fn open(place: &Path, (width, height): (u32, u32)) -> Result<Self, CommandError> {
+        let input = Input::open(place)?;
+        let range = 0..input.source.frame_count();
+        let mut frames = Excerpt::new(input, range);
+        let info = SequenceInfo::measure(&mut frames)?;
+        let aspect = width as f32 / height as f32;
+        let view = Perspective::framing(&info.outline, UP, aspect, DEFAULT_FOV_DEGREES)?;
+        let bounds = info.bounds.map(|bounds| [bounds.min, bounds.max]);
+        let picture = Picture {
+            camera: Camera::new(&view)?,
+            width,
+            height,
+            bounds: Aabb::of_points(bounds.as_ref().map_or(&[], |corners| &corners[..])),
+        };
+        Ok(Self {
+            place: place.to_owned(),
+            frames,
+            picture,
+        })
+    }
+
+    fn measure(
+        &mut self,
+        catalog: &Catalog,
+        kinds: &[RaySetKind],
+        args: &Args,
+        threads: usize,
+    ) -> Result<SceneMeasurement, CommandError> {
+        let updates = self.frames.frame_count().max(2) - 1;
+        let plan = Plan {
+            rays: kinds.to_vec(),
+            threads,
+            every: args.every.map_or(updates.div_ceil(SAMPLES), usize::from),
+            rounds: args.rounds.map_or(SAMPLES.div_ceil(updates), usize::from),
+            clock: wall_clock,
+        };
+        let pool = pool(threads).map_err(|_| CommandError::Threads(threads))?;
+        let mut progress = Progress::new("measuring", plan.steps(self.frames.frame_count()));
+        let message = format!("{}, {}", self.frames.name(), count(threads, "thread"));
+        let (frames, picture) = (&mut self.frames, &self.picture);
+        let mut step = || progress.step(&message);
+        pool.install(|| measure(frames, &catalog.entries, picture, &plan, &mut step))
+            .map_err(|source| CommandError::Measure {
+                place: self.place.display().to_string(),
+                source,
+            })
+    }
+}
+
+/// What `results.json` and the file of `--json` hold.
+#[derive(Serialize)]
+struct Results<'a> {
+    machine: &'a Provenance,
+    settings: &'a Settings,
+    systems: &'a [SystemInfo],
+    missing: &'a [String],
+    results: &'a [Row],
+    ratios: &'a [Ratio],
+    /// Systems that gave up or disagree, in words.
+    troubles: Vec<String>,
+}
+
+impl Report {
+    /// Writes results, frames and page, each whole or not at all.
+    fn write(&self, folder: &Path, json: Option<&Path>) -> Result<(), CommandError> {
+        let troubles = self.scenes.iter().flat_map(|scene| {
+            let place = format!("{}, {}", scene.scene, count(scene.threads, "thread"));
+            troubles(scene).into_iter().map(move |line| format!("{place}: {line}"))
+        });
+        let results = to_json(&Results {
+            machine: &self.machine,
+            settings: &self.settings,
+            systems: &self.systems,
+            missing: &self.missing,
+            results: &self.rows,
+            ratios: &self.ratios,
+            troubles: troubles.collect(),
+        });
+        write(&folder.join("results.json"), results.as_bytes())?;
+        let frames = serde_json::to_string(&self.scenes)
+            .expect("structures with named fields can always be written as JSON");
+        write(&folder.join("frames.json"), frames.as_bytes())?;
+        write(&folder.join(PAGE), page::page(self).as_bytes())?;
+        match json {
+            Some(json) => write(json, results.as_bytes()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Finds out whether files can be put into a folder that may not exist yet,
+/// and leaves no trace.
+fn check_folder(folder: &Path) -> Result<(), CommandError> {
+    let there = folder.ancestors().find(|path| path.exists());
+    let there = there.unwrap_or(Path::new("."));
+    Ok(check_writable(&there.join(PAGE))?)
+}
+
+fn write(path: &Path, content: &[u8]) -> Result<(), CommandError> {
+    write_atomically(path, |out| out.write_all(content)).map_err(|source| file_error(path, source))
+}
+
+fn file_error(path: &Path, source: io::Error) -> CommandError {
+    CommandError::File {
+        path: path.to_owned(),
+        source,
+    }
+}

@@ -39,7 +39,7 @@ pub use input::{Input, InputError, scene_names};
 pub use json::to_json;
 pub use message::{report_error, warn};
 pub use progress::{Progress, clock};
-pub use statistics::median;
+pub use statistics::{median, percentile};
 pub use values::{ValueError, parse_size, parse_threads, parse_up_to};
 pub use watched::Watched;
 pub use words::{count, figure};

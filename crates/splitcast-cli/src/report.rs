@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::Serialize;
+use splitcast_console::to_json;
 use splitcast_scene::write_atomically;
 
 use crate::error::CliError;
@@ -68,14 +69,6 @@ impl Report {
             }
         })
     }
-}
-
-/// Pretty JSON with a line end.
-pub(crate) fn to_json(value: &impl Serialize) -> String {
-    let mut text = serde_json::to_string_pretty(value)
-        .expect("structures with named fields can always be written as JSON");
-    text.push('\n');
-    text
 }
 
 /// Milliseconds to the microsecond, all that a clock is good for.

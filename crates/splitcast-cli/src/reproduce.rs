@@ -19,13 +19,13 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use splitcast_console::{to_json, warn};
 use splitcast_render::check_writable;
 use splitcast_report::Provenance;
 use splitcast_scene::{builtin, write_atomically};
 
 use crate::args::ReproduceArgs;
-use crate::error::{CliError, warn};
-use crate::report::to_json;
+use crate::error::CliError;
 
 use builds::SceneMeasurement;
 use figures::SceneFigures;

@@ -67,7 +67,9 @@ impl Row {
     /// The rows of a scene; systems without a single sample have none.
     pub fn of_scene(scene: &SceneMeasurement, kinds: &[RaySetKind]) -> Vec<Self> {
         let systems = scene.systems.iter();
-        systems.filter_map(|system| Self::new(scene, system, kinds)).collect()
+        systems
+            .filter_map(|system| Self::new(scene, system, kinds))
+            .collect()
     }
 
     fn new(
@@ -97,7 +99,11 @@ impl Row {
             traced: traced().count(),
             sah_cost: Spread::of(traced().filter_map(|update| update.sah_cost))
                 .map(|spread| spread.median),
-            modes: kinds.iter().map(|kind| kind.name()).zip(system.modes.iter().copied()).collect(),
+            modes: kinds
+                .iter()
+                .map(|kind| kind.name())
+                .zip(system.modes.iter().copied())
+                .collect(),
             agrees: system.agreement.iter().all(|agreement| agreement.agrees()),
         })
     }
@@ -147,7 +153,9 @@ impl Ratio {
     /// wrong hits do not take part. None where either side is missing.
     pub fn of_rows(rows: &[Row], kinds: &[RaySetKind]) -> Vec<Self> {
         let mut ratios = Vec::new();
-        ratios.extend(Self::new(rows, Figure::Update, None, |row| Some(row.update_ms.median)));
+        ratios.extend(Self::new(rows, Figure::Update, None, |row| {
+            Some(row.update_ms.median)
+        }));
         for kind in kinds.iter().map(|kind| kind.name()) {
             let time = |row: &Row| row.mrays.get(kind).map(|rate| 1.0 / rate);
             ratios.extend(Self::new(rows, Figure::Trace, Some(kind), time));
@@ -166,7 +174,9 @@ impl Ratio {
         time: impl Fn(&Row) -> Option<f64>,
     ) -> Option<Self> {
         let best = |ours: bool| {
-            let side = rows.iter().filter(|row| row.agrees && row.is_ours() == ours);
+            let side = rows
+                .iter()
+                .filter(|row| row.agrees && row.is_ours() == ours);
             let times = side.filter_map(|row| Some((row, time(row)?)));
             times.min_by(|a, b| a.1.total_cmp(&b.1))
         };

@@ -9,7 +9,7 @@ use splitcast::{Builder, NonFinite, Orientation};
 use splitcast_console::{
     FrameRange, ValueError, parse_frames, parse_size, parse_threads, parse_up_to,
 };
-use splitcast_render::{DEFAULT_FOV_DEGREES, MAX_SIDE, Quality, View};
+use splitcast_render::{DEFAULT_FOV_DEGREES, Quality, View};
 
 use crate::error::CliError;
 use crate::reproduce::NodePath;
@@ -74,7 +74,7 @@ pub(crate) struct RenderArgs {
     pub(crate) out: PathBuf,
 
     /// Width and height in pixels; MP4 needs even numbers
-    #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = parse_picture_size)]
+    #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = parse_size)]
     pub(crate) size: (u32, u32),
 
     /// Samples per pixel [default: 4, 16 or 64, by --quality]
@@ -249,10 +249,6 @@ pub(crate) struct InfoArgs {
     /// Print one object instead of text
     #[arg(long)]
     json: bool,
-}
-
-fn parse_picture_size(text: &str) -> Result<(u32, u32), ValueError> {
-    parse_size(MAX_SIDE, text)
 }
 
 fn parse_vector(text: &str) -> Result<[f32; 3], String> {

@@ -1,10 +1,9 @@
 //! One line on standard error and an exit code for everything that goes wrong.
 
 use std::io;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
-use splitcast_console::{FAILURE, InputError, USAGE, report_error};
+use splitcast_console::{FAILURE, FileError, InputError, USAGE, report_error};
 use splitcast_render::{OutputError, RenderError};
 use splitcast_scene::SceneError;
 
@@ -32,8 +31,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// A file of the command's own, such as the one of `--json`.
-    #[error("{}: {source}", path.display())]
-    File { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    File(#[from] FileError),
     #[error("the {0} threads could not be started: choose fewer with --threads")]
     Threads(usize),
     /// Standard output or standard error.

@@ -4,8 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::Serialize;
-use splitcast_console::to_json;
-use splitcast_scene::write_atomically;
+use splitcast_console::{to_json, write_file};
 
 use crate::error::CliError;
 
@@ -62,12 +61,7 @@ impl Report {
     /// Writes the report as JSON, whole or not at all.
     pub(crate) fn write(&self, path: &Path) -> Result<(), CliError> {
         let text = to_json(self);
-        write_atomically(path, |out| out.write_all(text.as_bytes())).map_err(|source| {
-            CliError::File {
-                path: path.to_owned(),
-                source,
-            }
-        })
+        Ok(write_file(path, text.as_bytes())?)
     }
 }
 

@@ -42,7 +42,17 @@ enum CommandError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error("{place}: {source}")]
-    Measure { place: String, source: MeasureError },
+    Measure {
+        place: String,
+        source: Box<MeasureError>,
+    },
+    #[error("{place}: frame {frame} cannot be measured: {reason}")]
+    Frame {
+        /// The frame's file, or the scene's name.
+        place: String,
+        frame: usize,
+        reason: &'static str,
+    },
     #[error(transparent)]
     Picture(#[from] RenderError),
     #[error(transparent)]
@@ -228,6 +238,20 @@ impl Scene {
         let range = 0..input.source.frame_count();
         let mut frames = Excerpt::new(input, range);
         let info = SequenceInfo::measure(&mut frames)?;
+        for (frame, counts) in info.frames.iter().enumerate() {
+            let reason = match counts {
+                counts if counts.triangles == 0 => "it has no triangles",
+                counts if counts.non_finite > 0 => {
+                    "it has vertices at NaN or infinity, which libraries treat differently"
+                }
+                _ => continue,
+            };
+            return Err(CommandError::Frame {
+                place: frames.place(frame),
+                frame,
+                reason,
+            });
+        }
         let aspect = width as f32 / height as f32;
         let view = Perspective::framing(&info.outline, UP, aspect, DEFAULT_FOV_DEGREES)?;
         let bounds = info.bounds.map(|bounds| [bounds.min, bounds.max]);
@@ -269,7 +293,7 @@ impl Scene {
             .install(|| measure(frames, &catalog.entries, picture, &plan, &mut step))
             .map_err(|source| CommandError::Measure {
                 place: self.place.display().to_string(),
-                source,
+                source: Box::new(source),
             })?;
         Ok(SceneMeasurement {
             scene: self.name.clone(),

@@ -132,6 +132,9 @@ fn run(args: &Args) -> Result<(), CommandError> {
         return Ok(());
     }
     let catalog = catalog.choose(&args.systems).map_err(CommandError::Usage)?;
+    let mut threads: Vec<usize> = args.threads.iter().map(|threads| threads.get()).collect();
+    threads.sort_unstable();
+    threads.dedup();
     let mut kinds = RaySetKind::ALL.to_vec();
     kinds.retain(|kind| args.rays.is_empty() || args.rays.contains(kind));
     let folder = ResultFolder::check(&args.out, args.json.as_deref())?;
@@ -155,7 +158,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
         machine: Provenance::collect("splitcast-bench", env!("CARGO_PKG_VERSION")),
         settings: Settings {
             size: args.size,
-            threads: args.threads.iter().map(|threads| threads.get()).collect(),
+            threads: threads.clone(),
             every: args.every.map(usize::from),
             rounds: args.rounds.map(usize::from),
         },
@@ -176,8 +179,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
         });
     }
     for scene in &mut scenes {
-        for &threads in &args.threads {
-            let threads = threads.get();
+        for &threads in &threads {
             let measured = scene.measure(&catalog, &report.kinds, args, threads)?;
             let rows = Row::of_scene(&measured, &report.kinds);
             writeln!(

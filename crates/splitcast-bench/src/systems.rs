@@ -1,7 +1,14 @@
 //! The systems that are compared.
 
+mod bvh;
+mod bvh_cost;
 mod embree;
+mod kdtree_ray;
+mod obvhs;
+mod parry;
 mod splitcast_trees;
+mod tinybvh;
+mod triangle_test;
 
 use crate::system::CatalogEntry;
 
@@ -20,6 +27,11 @@ impl Catalog {
         let mut catalog = Self::default();
         splitcast_trees::add_to(&mut catalog);
         embree::add_to(&mut catalog);
+        tinybvh::add_to(&mut catalog);
+        obvhs::add_to(&mut catalog);
+        parry::add_to(&mut catalog);
+        bvh::add_to(&mut catalog);
+        kdtree_ray::add_to(&mut catalog);
         catalog
     }
 

@@ -99,13 +99,13 @@ struct Built<'s> {
     shapes: &'s [Shape],
 }
 
-const CLOSEST_MODES: [&str; 2] = ["all boxes in reach", "nearest box first"];
+const CLOSEST_MODES: [&str; 3] = ["all boxes in reach", "all boxes", "nearest box first"];
 
 impl Tracer for Built<'_> {
     fn modes(&self, kind: RaySetKind) -> &'static [&'static str] {
         // Which hit comes first does not matter to occlusion.
         match kind.is_occlusion() {
-            true => &CLOSEST_MODES[..1],
+            true => &CLOSEST_MODES[..2],
             false => &CLOSEST_MODES,
         }
     }
@@ -113,15 +113,17 @@ impl Tracer for Built<'_> {
     fn closest_hits(&self, mode: usize, rays: RayChunk<'_>, mut hits: HitChunk<'_>) {
         hits.fill(rays.rays, |ray| match mode {
             0 => self.closest_in_reach(ray),
+            1 => self.closest_of_all(ray),
             _ => self.closest_in_order(ray),
         });
     }
 
-    fn occluded(&self, _: usize, rays: RayChunk<'_>, occluded: &mut [bool]) {
+    fn occluded(&self, mode: usize, rays: RayChunk<'_>, occluded: &mut [bool]) {
         for (ray, occluded) in rays.rays.iter().zip(occluded) {
-            let reach = Reach::new(ray);
-            let mut boxes = self.tree.traverse_iterator(&reach, self.shapes);
-            *occluded = boxes.any(|shape| shape.triangle.hit(ray).is_some());
+            *occluded = match mode {
+                0 => self.is_any_hit(ray, &Reach::new(ray)),
+                _ => self.is_any_hit(ray, &converted(ray)),
+            };
         }
     }
 
@@ -170,6 +172,21 @@ impl Built<'_> {
             reach.t_max.set(closest.ray.t_max);
         }
         closest.found
+    }
+
+    /// Goes through all boxes that the ray passes, by the library's vectorized test.
+    fn closest_of_all(&self, ray: &Ray) -> Option<(f32, u32)> {
+        let passing = converted(ray);
+        let mut closest = Closest::new(ray);
+        for shape in self.tree.traverse_iterator(&passing, self.shapes) {
+            closest.test(shape);
+        }
+        closest.found
+    }
+
+    fn is_any_hit(&self, ray: &Ray, query: &impl IntersectsAabb<f32, 3>) -> bool {
+        let mut boxes = self.tree.traverse_iterator(query, self.shapes);
+        boxes.any(|shape| shape.triangle.hit(ray).is_some())
     }
 
     /// Goes through the boxes by their distance, until they start behind the closest hit.

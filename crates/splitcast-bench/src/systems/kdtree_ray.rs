@@ -46,7 +46,9 @@ impl System for Rebuilt {
             return Err(SystemError("panics on a mesh without triangles".to_owned()));
         }
         self.bounds.clear();
-        let bounds = indices.clone().map(|index| Bounds(mesh.triangle_bounds(index)));
+        let bounds = indices
+            .clone()
+            .map(|index| Bounds(mesh.triangle_bounds(index)));
         self.bounds.extend(bounds);
         self.triangles.clear();
         let triangles = indices.map(|index| Triangle::new(mesh.corners(index)));

@@ -16,6 +16,8 @@ pub use measure::{
     MeasureError, Plan, SceneMeasurement, SystemMeasurement, TraceSample, UpdateSample, measure,
 };
 pub use rays::{LANES, Picture, RayBlock, RaySet, RaySetKind, ray_sets};
-pub use system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
+pub use system::{
+    CatalogEntry, FrameMesh, HitChunk, MakeSystem, RayChunk, System, SystemError, Tracer,
+};
 pub use systems::Catalog;
 pub use workers::pool;

@@ -110,6 +110,9 @@ impl HitChunk<'_> {
 #[error("{0}")]
 pub struct SystemError(pub String);
 
+/// Makes a system for a number of threads.
+pub type MakeSystem = Box<dyn Fn(usize) -> Result<Box<dyn System>, SystemError> + Send + Sync>;
+
 /// A system that can be measured, before it is made.
 pub struct CatalogEntry {
     /// Name in tables, such as `embree-refit`; unique.
@@ -122,5 +125,5 @@ pub struct CatalogEntry {
     /// the yardstick of quality over time. A system that is its own needs none.
     pub yardstick: Option<String>,
     /// Makes the system for so many threads. Called on a worker of the pool.
-    pub make: Box<dyn Fn(usize) -> Result<Box<dyn System>, SystemError> + Send + Sync>,
+    pub make: MakeSystem,
 }

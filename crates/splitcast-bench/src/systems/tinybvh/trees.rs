@@ -34,7 +34,7 @@ pub(super) fn add_to(catalog: &mut Catalog) {
             make: Box::new(move |_| {
                 Ok(Box::new(Trees {
                     rebuilds,
-                    vertices: Vec::new(),
+                    corners: Vec::new(),
                     built: None,
                 }))
             }),
@@ -44,10 +44,25 @@ pub(super) fn add_to(catalog: &mut Catalog) {
 
 struct Trees {
     rebuilds: bool,
-    /// Three for each triangle.
-    vertices: Vec<[[f32; 4]; 3]>,
+    corners: Vec<Corners>,
     built: Option<Built>,
 }
+
+/// The corners of a triangle, aligned as the library reads them; the binding does not ask for it.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Corners([[f32; 4]; 3]);
+
+impl Corners {
+    fn flattened(corners: &[Self]) -> &[[f32; 4]] {
+        let first = corners.as_ptr().cast();
+        // SAFETY: the struct is nothing but three of these, without padding, and the
+        // vertices are borrowed as the triangles are.
+        unsafe { std::slice::from_raw_parts(first, 3 * corners.len()) }
+    }
+}
+
+const _: () = assert!(size_of::<Corners>() == 3 * size_of::<[f32; 4]>());
 
 /// The three stages of a tree, of which the last is traced.
 struct Built {
@@ -69,19 +84,23 @@ impl System for Trees {
         let built = self.follow(before).map_err(error)?;
         Ok(Box::new(&*self.built.insert(built)))
     }
+
+    fn foreign_bytes(&self) -> usize {
+        self.built.as_ref().map_or(0, Built::bytes)
+    }
 }
 
 impl Trees {
     fn read(&mut self, mesh: Mesh<'_>) {
         (0..mesh.triangles().len() as u32)
             .into_par_iter()
-            .map(|index| mesh.corners(index).map(|[x, y, z]| [x, y, z, 0.0]))
-            .collect_into_vec(&mut self.vertices);
+            .map(|index| Corners(mesh.corners(index).map(|[x, y, z]| [x, y, z, 0.0])))
+            .collect_into_vec(&mut self.corners);
     }
 
     /// Takes the memory of the trees before, and, to refit them, the trees themselves.
     fn follow(&self, before: Option<Built>) -> Result<Built, Error> {
-        let vertices = self.vertices.as_flattened().into();
+        let vertices = Corners::flattened(&self.corners).into();
         let Some(before) = before else {
             let mut binary = bvh::BVH::new(vertices)?;
             binary.split_leaves(PER_LEAF);
@@ -133,6 +152,21 @@ impl Tracer for &Built {
 struct Aligned(TinyRay);
 
 impl Built {
+    /// What the library allocates for the nodes and triangles that there are. It tells no sizes.
+    fn bytes(&self) -> usize {
+        /// Of the wide tree that is traced: boxes, children and order of a node; four
+        /// triangles of a leaf, filled up to whole lines of the cache.
+        const TRACED_NODE: usize = 256;
+        const TRACED_LEAF: usize = 192;
+        /// Of the binary tree, for each triangle: two nodes, its number, its box.
+        const TRIANGLE: usize = 2 * size_of::<bvh::Node>() + 4 + 32;
+        let binary = self.binary.indices().len() * TRIANGLE;
+        let nodes = self.binary.nodes().len() * 3 / 2;
+        let leaves = self.wide.leaf_count(0) as usize;
+        let traced = self.wide.nodes().len() * TRACED_NODE + leaves * TRACED_LEAF;
+        binary + nodes * size_of::<mbvh::Node>() + traced
+    }
+
     #[inline(always)]
     fn closest(&self, ray: &Ray) -> Option<(f32, u32)> {
         // Rays of the library start at their origin, and end before its idea of infinity.

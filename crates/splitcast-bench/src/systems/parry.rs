@@ -1,6 +1,7 @@
 //! parry3d: trees of boxes of a physics engine, rebuilt or refitted.
 //!
-//! Leaves hold one triangle each and are kept in place; what was built stays theirs.
+//! Each leaf holds a triangle. While the topology stays, leaves get their new boxes in
+//! place, and what is above them is rebuilt or refitted in the memory that there is.
 
 use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;

@@ -19,7 +19,7 @@ use crate::measure::{MeasureError, Plan, SceneMeasurement, measure, wall_clock};
 use crate::page;
 use crate::rays::{Picture, RaySetKind};
 use crate::results::{Ratio, Row};
-use crate::systems::Catalog;
+use crate::systems::{Catalog, Missing};
 use crate::terminal;
 use crate::workers::pool;
 
@@ -127,7 +127,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
             writeln!(out, "{}: {}", entry.name, entry.about)?;
         }
         for missing in &catalog.missing {
-            writeln!(out, "missing: {missing}")?;
+            writeln!(out, "{missing}")?;
         }
         return Ok(());
     }
@@ -152,7 +152,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
     }
     folder.create()?;
     for missing in &catalog.missing {
-        warn(missing);
+        warn(&missing.to_string());
     }
     let mut report = Report {
         machine: Provenance::collect("splitcast-bench", env!("CARGO_PKG_VERSION")),
@@ -164,7 +164,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
         },
         kinds,
         systems: Vec::new(),
-        missing: catalog.missing.clone(),
+        missing: catalog.missing.iter().map(Missing::to_string).collect(),
         scenes: Vec::new(),
         rows: Vec::new(),
         ratios: Vec::new(),

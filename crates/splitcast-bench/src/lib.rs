@@ -26,5 +26,5 @@ pub use results::{BySet, Figure, Ratio, Row, Spread};
 pub use system::{
     CatalogEntry, FrameMesh, HitChunk, MakeSystem, RayChunk, System, SystemError, Tracer,
 };
-pub use systems::Catalog;
+pub use systems::{Catalog, Missing};
 pub use workers::pool;

@@ -10,7 +10,7 @@ use library::{
     SceneFlags, VARIABLE,
 };
 
-use super::Catalog;
+use super::{Catalog, Missing};
 use crate::rays::{LANES, RaySetKind};
 use crate::system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
 
@@ -67,10 +67,14 @@ pub(super) fn add_to(catalog: &mut Catalog) {
     let (embree, version) = match load() {
         Ok(loaded) => loaded,
         Err(reason) => {
-            catalog.missing.push(format!(
-                "embree: {reason}; install it (libembree4-4 on Debian and Ubuntu, or `pip download \
+            let reason = format!(
+                "{reason}; install it (libembree4-4 on Debian and Ubuntu, or `pip download \
                  --no-deps embreex` and unzip) and set {VARIABLE} to the file of libembree4"
-            ));
+            );
+            catalog.missing.push(Missing {
+                family: "embree",
+                reason,
+            });
             return;
         }
     };

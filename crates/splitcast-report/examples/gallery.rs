@@ -75,7 +75,7 @@ fn text_and_tables() -> Section {
             "28.0",
             "98.10",
         ),
-        ("elephant", Cell::good("11.02"), "15.00", "19.6", "121.55"),
+        ("elephant", Cell::strong("11.02"), "15.00", "19.6", "121.55"),
         ("collision", Cell::muted("not run"), "20.00", "–", "–"),
     ];
     let mut table = Table::new([Column::left("scene")].into_iter().chain(columns))

@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Parser;
-use splitcast_console::{parse_size, parse_threads, parse_up_to};
+use splitcast_console::{ValueError, parse_size, parse_threads, parse_up_to};
 
 use crate::rays::RaySetKind;
 
@@ -15,49 +15,49 @@ const MAX_COUNT: usize = 10_000;
 /// rays traced behind them.
 #[derive(Debug, Parser)]
 #[command(name = "splitcast-bench", version, max_term_width = 100)]
-pub struct Args {
+pub(crate) struct Args {
     /// Built-in scenes, mesh files, folders, globs or numbered patterns [default: the built-in scenes]
     #[arg(value_name = "INPUT")]
-    pub input: Vec<PathBuf>,
+    pub(crate) input: Vec<PathBuf>,
 
     /// Systems or whole libraries, separated by commas, such as splitcast,embree-refit [default:
     /// all that are found]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub systems: Vec<String>,
+    pub(crate) systems: Vec<String>,
 
     /// Sets of rays, separated by commas: primary, shadow, ao, diffuse, random [default: all]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub rays: Vec<RaySetKind>,
+    pub(crate) rays: Vec<RaySetKind>,
 
     /// Numbers of threads, separated by commas; everything is measured with each
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1", value_parser = parse_threads)]
-    pub threads: Vec<NonZeroUsize>,
+    pub(crate) threads: Vec<NonZeroUsize>,
 
     /// Width and height of the picture that primary rays are for, in pixels
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_size)]
-    pub size: (u32, u32),
+    pub(crate) size: (u32, u32),
 
     /// Trace rays in every K-th frame only; updates are made in all [default: as many as trace ten]
     #[arg(long, value_name = "K", value_parser = parse_count)]
-    pub every: Option<NonZeroUsize>,
+    pub(crate) every: Option<NonZeroUsize>,
 
     /// How often each sequence is gone through [default: as often as gives ten updates]
     #[arg(long, value_name = "N", value_parser = parse_count)]
-    pub rounds: Option<NonZeroUsize>,
+    pub(crate) rounds: Option<NonZeroUsize>,
 
     /// Write the results to this file too
     #[arg(long, value_name = "FILE")]
-    pub json: Option<PathBuf>,
+    pub(crate) json: Option<PathBuf>,
 
     /// Folder for results.json, frames.json and report.html; made if it does not exist
     #[arg(long, short, value_name = "DIR", default_value = "benchmarks")]
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
 
     /// List the systems that are found, and what is missing
     #[arg(long)]
-    pub list: bool,
+    pub(crate) list: bool,
 }
 
-fn parse_count(text: &str) -> Result<NonZeroUsize, String> {
+fn parse_count(text: &str) -> Result<NonZeroUsize, ValueError> {
     parse_up_to(MAX_COUNT, text)
 }

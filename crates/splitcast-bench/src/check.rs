@@ -53,7 +53,13 @@ impl Truth {
         for (&index, truth) in sample.iter().zip(by_force) {
             t[index] = truth;
         }
-        let diagonal = tree.bounds().extent().iter().map(|x| x * x).sum::<f32>().sqrt();
+        let diagonal = tree
+            .bounds()
+            .extent()
+            .iter()
+            .map(|x| x * x)
+            .sum::<f32>()
+            .sqrt();
         Self {
             t,
             sample,

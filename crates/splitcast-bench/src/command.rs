@@ -1,6 +1,5 @@
 //! The command: measures what the arguments ask for and writes the results down.
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -8,14 +7,12 @@ use std::process::ExitCode;
 use serde::Serialize;
 use splitcast::Aabb;
 use splitcast_console::{
-    Excerpt, Input, InputError, Progress, USAGE, count, parse_command_line, report_error, to_json,
-    warn,
+    Excerpt, FileError, Input, InputError, Progress, ResultFolder, USAGE, count, distinct_names,
+    parse_command_line, report_error, table, to_json, warn, write_file,
 };
-use splitcast_render::{
-    Camera, DEFAULT_FOV_DEGREES, OutputError, Perspective, RenderError, check_writable,
-};
+use splitcast_render::{Camera, DEFAULT_FOV_DEGREES, OutputError, Perspective, RenderError};
 use splitcast_report::Provenance;
-use splitcast_scene::{FrameSource, SceneError, SequenceInfo, builtin, write_atomically};
+use splitcast_scene::{FrameSource, SceneError, SequenceInfo, builtin};
 
 use crate::args::Args;
 use crate::measure::{MeasureError, Plan, SceneMeasurement, measure, wall_clock};
@@ -50,8 +47,8 @@ enum CommandError {
     Picture(#[from] RenderError),
     #[error(transparent)]
     Output(#[from] OutputError),
-    #[error("{}: {source}", path.display())]
-    File { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    File(#[from] FileError),
     #[error("the {0} threads could not be started: choose fewer with --threads")]
     Threads(usize),
     #[error("standard output: {0}")]
@@ -74,6 +71,8 @@ pub fn main() -> ExitCode {
             report_error(&error.to_string());
             match error {
                 CommandError::Usage(_) => ExitCode::from(USAGE),
+                CommandError::Input(error) if error.is_usage() => ExitCode::from(USAGE),
+                CommandError::Output(error) if error.is_usage() => ExitCode::from(USAGE),
                 _ => ExitCode::FAILURE,
             }
         }
@@ -125,13 +124,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
     let catalog = catalog.choose(&args.systems).map_err(CommandError::Usage)?;
     let mut kinds = RaySetKind::ALL.to_vec();
     kinds.retain(|kind| args.rays.is_empty() || args.rays.contains(kind));
-    check_folder(&args.out)?;
-    // A file in the folder that is yet to be made can be written when the folder can.
-    if let Some(json) = &args.json
-        && json.parent() != Some(&args.out)
-    {
-        check_writable(json)?;
-    }
+    let folder = ResultFolder::check(&args.out, args.json.as_deref())?;
     let inputs = if args.input.is_empty() {
         builtin::names().map(PathBuf::from).collect()
     } else {
@@ -140,7 +133,11 @@ fn run(args: &Args) -> Result<(), CommandError> {
     // All of them, before an hour is spent on the first.
     let scenes = inputs.iter().map(|input| Scene::open(input, args.size));
     let mut scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
-    fs::create_dir_all(&args.out).map_err(|source| file_error(&args.out, source))?;
+    let names = distinct_names(scenes.iter().map(|scene| scene.name.clone()));
+    for (scene, name) in scenes.iter_mut().zip(names) {
+        scene.name = name;
+    }
+    folder.create()?;
     for missing in &catalog.missing {
         warn(missing);
     }
@@ -177,7 +174,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
                 out,
                 "\n{}, {} triangles, {}, {}\n{}{}",
                 measured.scene,
-                splitcast_console::table::grouped(measured.triangles),
+                table::grouped(measured.triangles),
                 count(measured.frames, "frame"),
                 count(threads, "thread"),
                 terminal::systems(&rows, &report.kinds),
@@ -190,13 +187,13 @@ fn run(args: &Args) -> Result<(), CommandError> {
             report.rows.extend(rows);
             report.scenes.push(measured);
             // After every scene: what was measured is kept if the next one fails.
-            report.write(&args.out, args.json.as_deref())?;
+            report.write(&folder, args.json.as_deref())?;
         }
     }
     if !report.ratios.is_empty() {
         write!(out, "\n{}", terminal::ratios(&report.ratios, &report.kinds))?;
     }
-    Ok(writeln!(out, "{}", args.out.join(PAGE).display())?)
+    Ok(writeln!(out, "{}", folder.path(PAGE).display())?)
 }
 
 /// What went wrong with systems, in a line each.
@@ -206,7 +203,11 @@ pub(crate) fn troubles(scene: &SceneMeasurement) -> Vec<String> {
         if let Some(failure) = &system.failure {
             lines.push(format!("{} gave up: {failure}", system.name));
         }
-        for wrong in system.agreement.iter().filter(|agreement| !agreement.agrees()) {
+        for wrong in system
+            .agreement
+            .iter()
+            .filter(|agreement| !agreement.agrees())
+        {
             lines.push(format!("{} disagrees on {wrong}", system.name));
         }
     }
@@ -215,6 +216,7 @@ pub(crate) fn troubles(scene: &SceneMeasurement) -> Vec<String> {
 
 /// An input that is ready to be measured.
 struct Scene {
+    name: String,
     place: PathBuf,
     frames: Excerpt,
     picture: Picture,
@@ -236,6 +238,7 @@ impl Scene {
             bounds: Aabb::of_points(bounds.as_ref().map_or(&[], |corners| &corners[..])),
         };
         Ok(Self {
+            name: info.name,
             place: place.to_owned(),
             frames,
             picture,
@@ -259,14 +262,19 @@ impl Scene {
         };
         let pool = pool(threads).map_err(|_| CommandError::Threads(threads))?;
         let mut progress = Progress::new("measuring", plan.steps(self.frames.frame_count()));
-        let message = format!("{}, {}", self.frames.name(), count(threads, "thread"));
+        let message = format!("{}, {}", self.name, count(threads, "thread"));
         let (frames, picture) = (&mut self.frames, &self.picture);
         let mut step = || progress.step(&message);
-        pool.install(|| measure(frames, &catalog.entries, picture, &plan, &mut step))
+        let measured = pool
+            .install(|| measure(frames, &catalog.entries, picture, &plan, &mut step))
             .map_err(|source| CommandError::Measure {
                 place: self.place.display().to_string(),
                 source,
-            })
+            })?;
+        Ok(SceneMeasurement {
+            scene: self.name.clone(),
+            ..measured
+        })
     }
 }
 
@@ -285,10 +293,12 @@ struct Results<'a> {
 
 impl Report {
     /// Writes results, frames and page, each whole or not at all.
-    fn write(&self, folder: &Path, json: Option<&Path>) -> Result<(), CommandError> {
+    fn write(&self, folder: &ResultFolder, json: Option<&Path>) -> Result<(), CommandError> {
         let troubles = self.scenes.iter().flat_map(|scene| {
             let place = format!("{}, {}", scene.scene, count(scene.threads, "thread"));
-            troubles(scene).into_iter().map(move |line| format!("{place}: {line}"))
+            troubles(scene)
+                .into_iter()
+                .map(move |line| format!("{place}: {line}"))
         });
         let results = to_json(&Results {
             machine: &self.machine,
@@ -299,33 +309,14 @@ impl Report {
             ratios: &self.ratios,
             troubles: troubles.collect(),
         });
-        write(&folder.join("results.json"), results.as_bytes())?;
+        folder.write("results.json", results.as_bytes())?;
         let frames = serde_json::to_string(&self.scenes)
             .expect("structures with named fields can always be written as JSON");
-        write(&folder.join("frames.json"), frames.as_bytes())?;
-        write(&folder.join(PAGE), page::page(self).as_bytes())?;
-        match json {
-            Some(json) => write(json, results.as_bytes()),
-            None => Ok(()),
+        folder.write("frames.json", frames.as_bytes())?;
+        folder.write(PAGE, page::page(self).as_bytes())?;
+        if let Some(json) = json {
+            write_file(json, results.as_bytes())?;
         }
-    }
-}
-
-/// Finds out whether files can be put into a folder that may not exist yet,
-/// and leaves no trace.
-fn check_folder(folder: &Path) -> Result<(), CommandError> {
-    let there = folder.ancestors().find(|path| path.exists());
-    let there = there.unwrap_or(Path::new("."));
-    Ok(check_writable(&there.join(PAGE))?)
-}
-
-fn write(path: &Path, content: &[u8]) -> Result<(), CommandError> {
-    write_atomically(path, |out| out.write_all(content)).map_err(|source| file_error(path, source))
-}
-
-fn file_error(path: &Path, source: io::Error) -> CommandError {
-    CommandError::File {
-        path: path.to_owned(),
-        source,
+        Ok(())
     }
 }

@@ -86,7 +86,9 @@ impl<'r> SceneView<'r> {
     /// The systems whose times are shown: those on the fronts of `kinds`, then ours, each
     /// from the shortest frames to the longest.
     fn lines_of_time(&self, kinds: &[RaySetKind]) -> Vec<&'r SystemMeasurement> {
-        let fronts = kinds.iter().flat_map(|&kind| front(&self.standings(kind, true)));
+        let fronts = kinds
+            .iter()
+            .flat_map(|&kind| front(&self.standings(kind, true)));
         let fronts: Vec<&str> = fronts.map(|standing| standing.system).collect();
         let place = |row: &Row| {
             let name = &row.system[..];
@@ -154,7 +156,9 @@ fn scatter(view: &SceneView<'_>, kind: RaySetKind) -> Figure {
     let mut plot = Plot::new(format!("Update against tracing, {kind} rays"))
         .description("One dot for each system; what is above and to the left is better.")
         .size(520.0, 380.0)
-        .x(Axis::new("time of an update").unit("ms, less is better").log())
+        .x(Axis::new("time of an update")
+            .unit("ms, less is better")
+            .log())
         .y(Axis::new(format!("{kind} rays"))
             .unit("million a second, more is better")
             .log())
@@ -172,7 +176,10 @@ fn scatter(view: &SceneView<'_>, kind: RaySetKind) -> Figure {
     }
     for (index, family) in families.into_iter().enumerate() {
         let is_of_family = |standing: &&Standing<'_>| {
-            let info = view.systems.iter().find(|info| info.name == standing.system);
+            let info = view
+                .systems
+                .iter()
+                .find(|info| info.name == standing.system);
             info.is_some_and(|info| info.family == family)
         };
         let members: Vec<_> = right.iter().filter(is_of_family).copied().collect();
@@ -335,11 +342,15 @@ fn by_frame(
         median(&values)
     };
     let frames = rounds.into_iter();
-    frames.map(|(frame, values)| (frame, median(values))).collect()
+    frames
+        .map(|(frame, values)| (frame, median(values)))
+        .collect()
 }
 
 fn points(by_frame: BTreeMap<usize, f64>) -> impl Iterator<Item = (f64, f64)> {
-    by_frame.into_iter().map(|(frame, value)| (frame as f64, value))
+    by_frame
+        .into_iter()
+        .map(|(frame, value)| (frame as f64, value))
 }
 
 #[cfg(test)]
@@ -352,7 +363,10 @@ mod tests {
         let update = |frame, update_ms, ms: Option<f64>| UpdateSample {
             frame,
             update_ms,
-            traces: ms.map(|ms| TraceSample { rays: 1, ms }).into_iter().collect(),
+            traces: ms
+                .map(|ms| TraceSample { rays: 1, ms })
+                .into_iter()
+                .collect(),
             sah_cost: None,
         };
         let system = SystemMeasurement {

@@ -18,7 +18,9 @@ pub(crate) fn front<'a>(all: &[Standing<'a>]) -> Vec<Standing<'a>> {
             && a.rate >= b.rate
             && (a.update_ms, a.rate) != (b.update_ms, b.rate)
     };
-    let unbeaten = all.iter().filter(|one| !all.iter().any(|other| beats(other, one)));
+    let unbeaten = all
+        .iter()
+        .filter(|one| !all.iter().any(|other| beats(other, one)));
     let mut front: Vec<_> = unbeaten.copied().collect();
     front.sort_by(|a, b| a.update_ms.total_cmp(&b.update_ms));
     front

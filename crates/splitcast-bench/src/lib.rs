@@ -20,7 +20,8 @@ mod workers;
 
 pub use check::{Agreement, TOLERANCE};
 pub use measure::{
-    MeasureError, Plan, SceneMeasurement, SystemMeasurement, TraceSample, UpdateSample, measure, wall_clock,
+    MeasureError, Plan, SceneMeasurement, SystemMeasurement, TraceSample, UpdateSample, measure,
+    wall_clock,
 };
 pub use rays::{LANES, Picture, RayBlock, RaySet, RaySetKind, ray_sets};
 pub use results::{BySet, Figure, Ratio, Row, Spread};

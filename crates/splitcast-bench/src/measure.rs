@@ -334,7 +334,8 @@ impl<'e> Contender<'e> {
                 for (index, (set, truth)) in stage.sets.iter().zip(&stage.truths).enumerate() {
                     let modes = tracer.modes(set.kind);
                     if place == 0 {
-                        contender.modes[index] = fastest_mode(&*tracer, set, &mut output, plan.clock);
+                        contender.modes[index] =
+                            fastest_mode(&*tracer, set, &mut output, plan.clock);
                         contender
                             .measurement
                             .modes

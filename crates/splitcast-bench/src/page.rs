@@ -73,7 +73,9 @@ fn standing(report: &Report) -> Section {
     let (times, frames): (Vec<_>, Vec<_>) = (Ratio::figures(&report.kinds).enumerate())
         .partition(|(_, (figure, _))| *figure != Figure::Frame);
     let table = |places: &[(usize, (Figure, Option<&'static str>))], caption: &str| {
-        let names = places.iter().map(|(_, figure)| Column::right(name(*figure)));
+        let names = places
+            .iter()
+            .map(|(_, figure)| Column::right(name(*figure)));
         let table = Table::new([Column::left("scene")].into_iter().chain(names)).caption(caption);
         lines.iter().fold(table, |table, line| {
             let name = line.iter().flatten().next();
@@ -132,9 +134,15 @@ fn left_out(report: &Report) -> String {
 
 fn scene_section(report: &Report, scene: &SceneMeasurement) -> Section {
     let is_here = |name: &str, threads| (name, threads) == (&scene.scene[..], scene.threads);
-    let rows = report.rows.iter().filter(|row| is_here(&row.scene, row.threads));
+    let rows = report
+        .rows
+        .iter()
+        .filter(|row| is_here(&row.scene, row.threads));
     let rows: Vec<&Row> = rows.collect();
-    let ratios = report.ratios.iter().filter(|ratio| is_here(&ratio.scene, ratio.threads));
+    let ratios = report
+        .ratios
+        .iter()
+        .filter(|ratio| is_here(&ratio.scene, ratio.threads));
     let ratios: Vec<&Ratio> = ratios.collect();
     let most = |figure: fn(&Row) -> usize| rows.iter().map(|row| figure(row)).max().unwrap_or(0);
     let section = Section::new(place(&scene.scene, scene.threads)).paragraph(format!(
@@ -192,10 +200,12 @@ impl<'a> Figures<'a> {
     fn best(&self, rows: &[&Row]) -> Option<f64> {
         let more_is_better = self.more_is_better?;
         let values = rows.iter().filter(|row| row.agrees);
-        values.filter_map(|row| (self.value)(row)).reduce(match more_is_better {
-            true => f64::max,
-            false => f64::min,
-        })
+        values
+            .filter_map(|row| (self.value)(row))
+            .reduce(match more_is_better {
+                true => f64::max,
+                false => f64::min,
+            })
     }
 
     fn cell(&self, row: &Row, best: Option<f64>) -> Cell {
@@ -211,11 +221,16 @@ impl<'a> Figures<'a> {
 
 /// A table with a row a system.
 fn by_system(rows: &[&Row], columns: &[Figures<'_>]) -> Table {
-    let header = columns.iter().map(|column| Column::right(column.name.clone()));
+    let header = columns
+        .iter()
+        .map(|column| Column::right(column.name.clone()));
     let table = Table::new([Column::left("system")].into_iter().chain(header));
     let best: Vec<_> = columns.iter().map(|column| column.best(rows)).collect();
     rows.iter().fold(table, |table, row| {
-        let cells = columns.iter().zip(&best).map(|(column, &best)| column.cell(row, best));
+        let cells = columns
+            .iter()
+            .zip(&best)
+            .map(|(column, &best)| column.cell(row, best));
         table.row::<Cell>([system_cell(row)].into_iter().chain(cells))
     })
 }
@@ -234,7 +249,9 @@ fn times(rows: &[&Row], kinds: &[RaySetKind]) -> Table {
         Figures::new("worst", Some(false), |row| Some(row.update_ms.worst)),
     ];
     columns.extend(kinds.iter().map(|kind| {
-        Figures::new(kind.name(), Some(true), |row: &Row| row.mrays.get(kind.name()).copied())
+        Figures::new(kind.name(), Some(true), |row: &Row| {
+            row.mrays.get(kind.name()).copied()
+        })
     }));
     by_system(rows, &columns).caption(
         "Time of an update in ms: median, 95th percentile and worst frame. Rate of each set of rays \
@@ -250,7 +267,9 @@ fn frames(rows: &[&Row], kinds: &[RaySetKind]) -> Table {
             })
         })
         .collect();
-    columns.push(Figures::new("memory", Some(false), |row| Some(row.bytes as f64 / 1e6)));
+    columns.push(Figures::new("memory", Some(false), |row| {
+        Some(row.bytes as f64 / 1e6)
+    }));
     columns.push(Figures::new("SAH cost", None, |row| row.sah_cost));
     by_system(rows, &columns)
         .caption("Time of an update and one set of rays in the same frame in ms; memory in MB.")
@@ -315,7 +334,9 @@ fn systems(report: &Report) -> Section {
     let troubles: Vec<(String, String)> = (report.scenes.iter())
         .flat_map(|scene| {
             let place = place(&scene.scene, scene.threads);
-            troubles(scene).into_iter().map(move |line| (place.clone(), line))
+            troubles(scene)
+                .into_iter()
+                .map(move |line| (place.clone(), line))
         })
         .collect();
     if troubles.is_empty() {
@@ -400,7 +421,10 @@ fn method(report: &Report) -> Section {
 fn rounds(settings: &Settings) -> String {
     match settings.rounds {
         None => "sequences of few frames are gone through until there are ten updates".to_owned(),
-        Some(rounds) => format!("each sequence was gone through in {}", count(rounds, "round")),
+        Some(rounds) => format!(
+            "each sequence was gone through in {}",
+            count(rounds, "round")
+        ),
     }
 }
 
@@ -428,7 +452,9 @@ fn origin(report: &Report) -> Section {
             ("Traced in", every),
             (
                 "Rounds",
-                settings.rounds.map_or("as many as give ten updates".to_owned(), |n| n.to_string()),
+                settings
+                    .rounds
+                    .map_or("as many as give ten updates".to_owned(), |n| n.to_string()),
             ),
         ])
         .definitions(report.machine.definitions())
@@ -472,7 +498,11 @@ mod tests {
     fn report(scene: &str, systems: Vec<SystemMeasurement>) -> Report {
         let infos = systems.iter().map(|system| SystemInfo {
             name: system.name.clone(),
-            family: if system.name.starts_with("splitcast-") { "splitcast" } else { "peer" },
+            family: if system.name.starts_with("splitcast-") {
+                "splitcast"
+            } else {
+                "peer"
+            },
             about: "<about>".to_owned(),
             yardstick: Some("splitcast-binned".to_owned()),
         });
@@ -507,13 +537,18 @@ mod tests {
             allow_dtd: true,
             ..ParsingOptions::default()
         };
-        Document::parse_with_options(html, options).unwrap_or_else(|error| panic!("{error}\n{html}"))
+        Document::parse_with_options(html, options)
+            .unwrap_or_else(|error| panic!("{error}\n{html}"))
     }
 
     /// The text of all elements of a name.
     fn texts(document: &Document<'_>, name: &str) -> Vec<String> {
-        let nodes = document.descendants().filter(|node| node.tag_name().name() == name);
-        nodes.filter_map(|node| Some(node.text()?.to_owned())).collect()
+        let nodes = document
+            .descendants()
+            .filter(|node| node.tag_name().name() == name);
+        nodes
+            .filter_map(|node| Some(node.text()?.to_owned()))
+            .collect()
     }
 
     #[test]
@@ -526,7 +561,10 @@ mod tests {
         let html = page(&report(scene, systems));
         assert!(!html.contains("<script") && !html.contains("<b>"));
         let headings = texts(&parse(&html), "h2");
-        assert!(headings.contains(&format!("{scene}, 2 threads")), "{headings:?}");
+        assert!(
+            headings.contains(&format!("{scene}, 2 threads")),
+            "{headings:?}"
+        );
     }
 
     #[test]

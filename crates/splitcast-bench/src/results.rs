@@ -67,7 +67,9 @@ impl Row {
     /// The rows of a scene; systems without a single sample have none.
     pub fn of_scene(scene: &SceneMeasurement, kinds: &[RaySetKind]) -> Vec<Self> {
         let systems = scene.systems.iter();
-        systems.filter_map(|system| Self::new(scene, system, kinds)).collect()
+        systems
+            .filter_map(|system| Self::new(scene, system, kinds))
+            .collect()
     }
 
     fn new(
@@ -97,7 +99,11 @@ impl Row {
             traced: traced().count(),
             sah_cost: Spread::of(traced().filter_map(|update| update.sah_cost))
                 .map(|spread| spread.median),
-            modes: kinds.iter().map(|kind| kind.name()).zip(system.modes.iter().copied()).collect(),
+            modes: kinds
+                .iter()
+                .map(|kind| kind.name())
+                .zip(system.modes.iter().copied())
+                .collect(),
             agrees: system.agreement.iter().all(|agreement| agreement.agrees()),
         })
     }
@@ -168,10 +174,17 @@ impl Ratio {
 
     /// A line for each scene and number of threads, with a ratio in each place of
     /// [`figures`](Self::figures) that has one.
-    pub(crate) fn lines<'r>(ratios: &'r [Self], kinds: &[RaySetKind]) -> Vec<Vec<Option<&'r Self>>> {
+    pub(crate) fn lines<'r>(
+        ratios: &'r [Self],
+        kinds: &[RaySetKind],
+    ) -> Vec<Vec<Option<&'r Self>>> {
         let scenes = ratios.chunk_by(|a, b| (&a.scene, a.threads) == (&b.scene, b.threads));
         let line = |scene: &'r [Self]| {
-            let find = |figure| scene.iter().find(|ratio| (ratio.figure, ratio.rays) == figure);
+            let find = |figure| {
+                scene
+                    .iter()
+                    .find(|ratio| (ratio.figure, ratio.rays) == figure)
+            };
             Self::figures(kinds).map(find).collect()
         };
         scenes.map(line).collect()
@@ -184,7 +197,9 @@ impl Ratio {
         time: impl Fn(&Row) -> Option<f64>,
     ) -> Option<Self> {
         let best = |ours: bool| {
-            let side = rows.iter().filter(|row| row.agrees && row.is_ours() == ours);
+            let side = rows
+                .iter()
+                .filter(|row| row.agrees && row.is_ours() == ours);
             let times = side.filter_map(|row| Some((row, time(row)?)));
             times.min_by(|a, b| a.1.total_cmp(&b.1))
         };

@@ -13,7 +13,7 @@ use crate::results::{BySet, Ratio, Row};
 pub(crate) const NONE: &str = "-";
 
 /// The rows of one scene with one number of threads.
-pub fn systems(rows: &[Row], kinds: &[RaySetKind]) -> String {
+pub(crate) fn systems(rows: &[Row], kinds: &[RaySetKind]) -> String {
     let frame_names: Vec<String> = kinds.iter().map(|kind| format!("+ {kind}")).collect();
     let mut columns = vec![
         ("system", Left),
@@ -25,7 +25,9 @@ pub fn systems(rows: &[Row], kinds: &[RaySetKind]) -> String {
     columns.extend(frame_names.iter().map(|name| (&name[..], Right)));
     columns.push(("MB", Right));
     let cell = |figures: &BySet, kind: &RaySetKind| {
-        figures.get(kind.name()).map_or(NONE.to_owned(), |&value| figure(value))
+        figures
+            .get(kind.name())
+            .map_or(NONE.to_owned(), |&value| figure(value))
     };
     let lines: Vec<Vec<String>> = (rows.iter())
         .map(|row| {
@@ -47,15 +49,19 @@ pub fn systems(rows: &[Row], kinds: &[RaySetKind]) -> String {
 }
 
 /// What the figures of [`systems`] are.
-pub const LEGEND: &str = "update: median, 95th percentile and worst frame in ms; by set of rays: \
+pub(crate) const LEGEND: &str = "update: median, 95th percentile and worst frame in ms; by set of rays: \
                           million rays a second; + set: ms of update and that set in one frame";
 
 /// Our best system over the best peer, a line for each scene and number of threads.
-pub fn ratios(ratios: &[Ratio], kinds: &[RaySetKind]) -> String {
+pub(crate) fn ratios(ratios: &[Ratio], kinds: &[RaySetKind]) -> String {
     let names: Vec<String> = (kinds.iter().map(|kind| kind.to_string()))
         .chain(kinds.iter().map(|kind| format!("+ {kind}")))
         .collect();
-    let mut columns = vec![("splitcast / best peer", Left), ("threads", Right), ("update", Right)];
+    let mut columns = vec![
+        ("splitcast / best peer", Left),
+        ("threads", Right),
+        ("update", Right),
+    ];
     columns.extend(names.iter().map(|name| (&name[..], Right)));
     let lines: Vec<Vec<String>> = (Ratio::lines(ratios, kinds).into_iter())
         .map(|line| {
@@ -64,7 +70,11 @@ pub fn ratios(ratios: &[Ratio], kinds: &[RaySetKind]) -> String {
             let cell = |ratio: Option<&Ratio>| {
                 ratio.map_or(NONE.to_owned(), |ratio| format!("{:.2}", ratio.ratio))
             };
-            place.into_iter().flatten().chain(line.into_iter().map(cell)).collect()
+            place
+                .into_iter()
+                .flatten()
+                .chain(line.into_iter().map(cell))
+                .collect()
         })
         .collect();
     format!(

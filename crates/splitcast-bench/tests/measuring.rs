@@ -118,12 +118,12 @@ struct FakeTracer<'s> {
 }
 
 impl System for Fake {
-    fn update<'s>(
-        &'s mut self,
-        frame: FrameMesh<'s>,
-    ) -> Result<Box<dyn Tracer + 's>, SystemError> {
+    fn update<'s>(&'s mut self, frame: FrameMesh<'s>) -> Result<Box<dyn Tracer + 's>, SystemError> {
         assert_eq!(frame.same_topology, self.frames > 0);
-        assert_eq!(frame.padded_positions.len(), frame.mesh.positions().len() + 1);
+        assert_eq!(
+            frame.padded_positions.len(),
+            frame.mesh.positions().len() + 1
+        );
         pass(self.delays.update * self.frames);
         self.frames += 1;
         match self.fault {
@@ -235,7 +235,10 @@ fn known_delays_are_measured_exactly() {
         fake("splitcast-fake", delays(100, 40), Fault::None),
         fake("fake-peer", delays(50, 80), Fault::None),
     ];
-    let plan = Plan { clock, ..plan(2, 2) };
+    let plan = Plan {
+        clock,
+        ..plan(2, 2)
+    };
     let measured = run(&entries, 6, &plan);
     assert_eq!((measured.frames, measured.threads), (6, 1));
     let triangles = 2 * (SIDE - 1) * (SIDE - 1);
@@ -252,10 +255,16 @@ fn known_delays_are_measured_exactly() {
         assert_eq!(row.traced, 6);
         for kind in RaySetKind::ALL {
             assert_eq!(row.modes[kind.name()], "fast");
-            near(row.frame_ms[kind.name()], (3.0 * update + 5.0 + trace / 2.0) / 1e3);
+            near(
+                row.frame_ms[kind.name()],
+                (3.0 * update + 5.0 + trace / 2.0) / 1e3,
+            );
         }
         // One chunk of rays: the whole picture.
-        near(row.mrays["primary"], f64::from(SIZE.0 * SIZE.1) / (trace / 2.0));
+        near(
+            row.mrays["primary"],
+            f64::from(SIZE.0 * SIZE.1) / (trace / 2.0),
+        );
         assert!(row.agrees);
         // What is foreign is told, what is on the heap is found.
         let held = row.bytes - (1 << 40);
@@ -278,7 +287,10 @@ fn wrong_hits_are_caught() {
         fake("triangles", AT_ONCE, Fault::WrongTriangle),
     ];
     for threads in [1, 2] {
-        let plan = Plan { threads, ..plan(1, 1) };
+        let plan = Plan {
+            threads,
+            ..plan(1, 1)
+        };
         let measured = run(&entries, 3, &plan);
         let rows = Row::of_scene(&measured, &plan.rays);
         let agree: Vec<bool> = rows.iter().map(|row| row.agrees).collect();
@@ -318,7 +330,12 @@ fn a_single_frame_stands_still() {
     let entries = [fake("still", AT_ONCE, Fault::None)];
     let measured = run(&entries, 1, &plan(7, 3));
     assert_eq!(measured.systems[0].updates.len(), 3);
-    assert!(measured.systems[0].updates.iter().all(|update| update.traces.len() == 5));
+    assert!(
+        measured.systems[0]
+            .updates
+            .iter()
+            .all(|update| update.traces.len() == 5)
+    );
 }
 
 #[test]
@@ -345,5 +362,10 @@ fn delays_of_the_wall_clock_are_not_shorter_than_they_are() {
         ..fake("sleeper", AT_ONCE, Fault::None)
     };
     let measured = run(&[entry], 3, &plan(1, 1));
-    assert!(measured.systems[0].updates.iter().all(|update| update.update_ms >= 3.0));
+    assert!(
+        measured.systems[0]
+            .updates
+            .iter()
+            .all(|update| update.update_ms >= 3.0)
+    );
 }

@@ -2,30 +2,28 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::error::ErrorKind;
 use clap::{ArgAction, Parser, Subcommand};
 use splitcast::{Builder, NonFinite, Orientation};
-use splitcast_render::{DEFAULT_FOV_DEGREES, MAX_SIDE, Quality, View};
+use splitcast_console::{
+    FrameRange, ValueError, parse_frames, parse_size, parse_threads, parse_up_to,
+};
+use splitcast_render::{DEFAULT_FOV_DEGREES, Quality, View};
 
-use crate::error::{self, CliError};
+use crate::error::CliError;
 use crate::reproduce::NodePath;
 use crate::{info, render, reproduce, scenes};
 
 /// Most times that a measurement can be repeated.
 const MAX_ROUNDS: usize = 1000;
 
-/// Most threads that can be asked for.
-const MAX_THREADS: usize = 1024;
-
 /// Ray traces animated triangle meshes on the CPU, with a kd-tree for every frame.
 #[derive(Debug, Parser)]
 #[command(name = "splitcast", version, max_term_width = 100)]
 pub(crate) struct Cli {
     #[command(subcommand)]
-    command: Command,
+    pub(crate) command: Command,
 }
 
 #[derive(Debug, Subcommand)]
@@ -253,93 +251,6 @@ pub(crate) struct InfoArgs {
     json: bool,
 }
 
-/// Frames `start..end`; without an end, all from `start` on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct FrameRange {
-    pub(crate) start: usize,
-    pub(crate) end: Option<usize>,
-}
-
-/// Reads the command line. Help and version are printed here, and so is what
-/// is wrong with the command line, on one line.
-pub(crate) fn parse() -> Result<Command, ExitCode> {
-    let error = match Cli::try_parse() {
-        Ok(cli) => return Ok(cli.command),
-        Err(error) => error,
-    };
-    match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            // Printing only fails if nobody is there to read.
-            let _ = error.print();
-            Err(ExitCode::SUCCESS)
-        }
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand | ErrorKind::MissingSubcommand => {
-            error::report("no command given: try splitcast --help");
-            Err(ExitCode::from(error::USAGE))
-        }
-        _ => {
-            error::report(&first_paragraph(&error.to_string()));
-            Err(ExitCode::from(error::USAGE))
-        }
-    }
-}
-
-/// What clap found wrong, without the usage that it adds below.
-fn first_paragraph(message: &str) -> String {
-    let lines = message.lines().map(str::trim);
-    let told: Vec<&str> = lines
-        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
-        .filter(|line| !line.is_empty())
-        .collect();
-    let told = told.join(" ");
-    let told = told.strip_prefix("error: ").unwrap_or(&told);
-    format!("{} (see --help)", told.trim_end_matches('.'))
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']);
-    let sides = sides.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    match sides {
-        Some((width, height))
-            if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) =>
-        {
-            Ok((width, height))
-        }
-        Some(_) => Err(format!("each side must be from 1 to {MAX_SIDE} pixels")),
-        None => Err("write width and height in pixels, such as 960x540".to_owned()),
-    }
-}
-
-fn parse_frames(text: &str) -> Result<FrameRange, String> {
-    let hint = "write A:B with frame numbers from 0, such as 0:10, 10: or :10";
-    let number = |text: &str| text.parse::<usize>().map_err(|_| hint.to_owned());
-    let range = match text.split_once(':') {
-        None => {
-            let start = number(text)?;
-            FrameRange {
-                start,
-                end: Some(start.saturating_add(1)),
-            }
-        }
-        Some((start, end)) => FrameRange {
-            start: if start.is_empty() { 0 } else { number(start)? },
-            end: if end.is_empty() {
-                None
-            } else {
-                Some(number(end)?)
-            },
-        },
-    };
-    match range.end {
-        Some(end) if end <= range.start => Err(format!(
-            "the range holds no frame: B is not included and must be above A, such as {}:{}",
-            range.start,
-            range.start.saturating_add(1)
-        )),
-        _ => Ok(range),
-    }
-}
-
 fn parse_vector(text: &str) -> Result<[f32; 3], String> {
     let parts: Option<Vec<f32>> = text
         .split(',')
@@ -350,19 +261,8 @@ fn parse_vector(text: &str) -> Result<[f32; 3], String> {
         .ok_or_else(|| "write three numbers, such as 1.5,0,-2".to_owned())
 }
 
-fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
-    parse_up_to(MAX_THREADS, text)
-}
-
-fn parse_rounds(text: &str) -> Result<NonZeroUsize, String> {
+fn parse_rounds(text: &str) -> Result<NonZeroUsize, ValueError> {
     parse_up_to(MAX_ROUNDS, text)
-}
-
-fn parse_up_to(most: usize, text: &str) -> Result<NonZeroUsize, String> {
-    text.parse::<NonZeroUsize>()
-        .ok()
-        .filter(|number| number.get() <= most)
-        .ok_or_else(|| format!("expected a number from 1 to {most}"))
 }
 
 fn orientation_parser() -> impl TypedValueParser<Value = Orientation> {
@@ -414,34 +314,8 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_half_open() {
-        let range = |start, end| Ok(FrameRange { start, end });
-        assert_eq!(parse_frames("2:5"), range(2, Some(5)));
-        assert_eq!(parse_frames(":5"), range(0, Some(5)));
-        assert_eq!(parse_frames("2:"), range(2, None));
-        assert_eq!(parse_frames(":"), range(0, None));
-        assert_eq!(parse_frames("7"), range(7, Some(8)));
-        for bad in ["", "a", "5:2", "3:3", "-1:2", "1:2:3", "1.5", ":0"] {
-            assert!(parse_frames(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn sizes_and_vectors() {
-        assert_eq!(parse_size("64x36"), Ok((64, 36)));
+    fn vectors_have_three_numbers() {
         assert_eq!(parse_vector("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
-        for bad in [
-            "0x0",
-            "64",
-            "64x",
-            "x36",
-            "-1x2",
-            "65536x1",
-            "1x1x1",
-            "99999999999x2",
-        ] {
-            assert!(parse_size(bad).is_err(), "{bad}");
-        }
         for bad in ["1,2", "1,2,3,4", "a,b,c", ""] {
             assert!(parse_vector(bad).is_err(), "{bad}");
         }

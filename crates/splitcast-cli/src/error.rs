@@ -1,17 +1,11 @@
 //! One line on standard error and an exit code for everything that goes wrong.
 
 use std::io;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
+use splitcast_console::{FAILURE, FileError, InputError, USAGE, report_error};
 use splitcast_render::{OutputError, RenderError};
 use splitcast_scene::SceneError;
-
-/// Exit code when the work could not be done.
-const FAILURE: u8 = 1;
-/// Exit code when what was asked for makes no sense, so that asking again is
-/// no use.
-pub(crate) const USAGE: u8 = 2;
 
 /// Why a command ended early.
 #[derive(Debug, thiserror::Error)]
@@ -19,9 +13,6 @@ pub(crate) enum CliError {
     /// Flags that do not fit each other or the input.
     #[error("{0}")]
     Usage(String),
-    /// A bare name that is neither a scene nor a file.
-    #[error("{}: no such built-in scene, file or folder; the scenes are: {scenes}", input.display())]
-    Missing { input: PathBuf, scenes: String },
     /// A frame of the input cannot be rendered.
     #[error("frame {index} ({place}): {reason}")]
     Frame {
@@ -34,14 +25,14 @@ pub(crate) enum CliError {
     #[error("{name}: no frame has a triangle to build a tree over, so there is nothing to measure")]
     NothingToMeasure { name: String },
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Input(#[from] InputError),
     #[error(transparent)]
     Render(#[from] RenderError),
     #[error(transparent)]
     Output(#[from] OutputError),
     /// A file of the command's own, such as the one of `--json`.
-    #[error("{}: {source}", path.display())]
-    File { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    File(#[from] FileError),
     #[error("the {0} threads could not be started: choose fewer with --threads")]
     Threads(usize),
     /// Standard output or standard error.
@@ -49,16 +40,18 @@ pub(crate) enum CliError {
     Stdout(#[from] io::Error),
 }
 
+/// Through [`InputError`], which alone decides whether a scene's error is one of usage.
+impl From<SceneError> for CliError {
+    fn from(error: SceneError) -> Self {
+        InputError::from(error).into()
+    }
+}
+
 impl CliError {
     fn exit_code(&self) -> u8 {
         let usage = match self {
             Self::Usage(_) => true,
-            Self::Scene(error) => matches!(
-                error,
-                SceneError::FrameOutOfRange { .. }
-                    | SceneError::UnknownExtension { .. }
-                    | SceneError::BadPattern { .. }
-            ),
+            Self::Input(error) => error.is_usage(),
             // Options, camera and views come from the flags alone.
             Self::Render(error) => !matches!(
                 error,
@@ -80,25 +73,6 @@ pub(crate) fn exit(result: Result<(), CliError>) -> ExitCode {
     if matches!(&error, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe) {
         return ExitCode::SUCCESS;
     }
-    report(&error.to_string());
+    report_error(&error.to_string());
     ExitCode::from(error.exit_code())
-}
-
-/// Prints `error: …` on one line, whatever a file's name holds.
-pub(crate) fn report(message: &str) {
-    print_line("error", message);
-}
-
-/// Prints `warning: …` on one line.
-pub(crate) fn warn(message: &str) {
-    print_line("warning", message);
-}
-
-fn print_line(kind: &str, message: &str) {
-    let line: String = message
-        .chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
-        .collect();
-    // Nobody is left to tell if standard error is closed.
-    let _ = io::Write::write_fmt(&mut io::stderr(), format_args!("{kind}: {line}\n"));
 }

@@ -5,11 +5,11 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use serde::Serialize;
+use splitcast_console::table::{self, Align::Right};
+use splitcast_console::{Input, to_json};
 use splitcast_scene::SequenceInfo;
 
 use crate::error::CliError;
-use crate::input::Input;
-use crate::table::{self, Align::Right};
 
 #[derive(Serialize)]
 struct InfoReport {
@@ -45,7 +45,7 @@ pub(crate) fn run(input: &Path, json: bool) -> Result<(), CliError> {
     let mut input = Input::open(input)?;
     let info = SequenceInfo::measure(input.source.as_mut())?;
     let text = if json {
-        crate::report::to_json(&report(&info))
+        to_json(&report(&info))
     } else {
         text(&info)
     };

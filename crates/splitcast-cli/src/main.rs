@@ -4,20 +4,22 @@ mod args;
 mod error;
 mod fingerprint;
 mod info;
-mod input;
-mod progress;
 mod render;
 mod report;
 mod reproduce;
 mod scenes;
 mod summary;
-mod table;
+mod trees;
 
 use std::process::ExitCode;
 
+use splitcast_console::parse_command_line;
+
+use args::Cli;
+
 fn main() -> ExitCode {
-    match args::parse() {
-        Ok(command) => error::exit(command.run()),
+    match parse_command_line::<Cli>() {
+        Ok(cli) => error::exit(cli.command.run()),
         Err(code) => code,
     }
 }

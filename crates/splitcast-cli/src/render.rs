@@ -8,6 +8,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use splitcast::{Aabb, BuildOptions, NonFinite, SequenceBuilder};
+use splitcast_console::{Input, Progress, Watched, count, figure, warn};
 use splitcast_render::{
     Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
     Resumed, Settings, Shading, check_writable,
@@ -15,12 +16,11 @@ use splitcast_render::{
 use splitcast_scene::{Frame, FrameSource, Prefetch, SequenceInfo};
 
 use crate::args::RenderArgs;
-use crate::error::{CliError, warn};
+use crate::error::CliError;
 use crate::fingerprint::Fingerprint;
-use crate::input::{Input, Watched, build_tree};
-use crate::progress::Progress;
 use crate::report::{FrameReport, Report, milliseconds};
-use crate::summary::{count, figure, megarays, summary};
+use crate::summary::{megarays, summary};
+use crate::trees::{build_tree, refuse_non_finite};
 
 /// Renders what the arguments ask for.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     };
     let mut builder =
         SequenceBuilder::new(&build).map_err(|error| CliError::Usage(error.to_string()))?;
-    input.refuse_non_finite(&info, frames.clone(), &builder)?;
+    refuse_non_finite(&mut input, &info, frames.clone(), &builder)?;
     let bounds = info.bounds.map_or(Aabb::EMPTY, |bounds| Aabb {
         min: bounds.min,
         max: bounds.max,

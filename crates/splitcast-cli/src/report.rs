@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::Serialize;
-use splitcast_scene::write_atomically;
+use splitcast_console::{to_json, write_file};
 
 use crate::error::CliError;
 
@@ -61,21 +61,8 @@ impl Report {
     /// Writes the report as JSON, whole or not at all.
     pub(crate) fn write(&self, path: &Path) -> Result<(), CliError> {
         let text = to_json(self);
-        write_atomically(path, |out| out.write_all(text.as_bytes())).map_err(|source| {
-            CliError::File {
-                path: path.to_owned(),
-                source,
-            }
-        })
+        Ok(write_file(path, text.as_bytes())?)
     }
-}
-
-/// Pretty JSON with a line end.
-pub(crate) fn to_json(value: &impl Serialize) -> String {
-    let mut text = serde_json::to_string_pretty(value)
-        .expect("structures with named fields can always be written as JSON");
-    text.push('\n');
-    text
 }
 
 /// Milliseconds to the microsecond, all that a clock is good for.

@@ -14,18 +14,16 @@ mod survey;
 mod terminal;
 mod thumbnails;
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use splitcast_render::check_writable;
+use splitcast_console::{FileError, ResultFolder, distinct_names, to_json, warn, write_file};
 use splitcast_report::Provenance;
-use splitcast_scene::{builtin, write_atomically};
+use splitcast_scene::builtin;
 
 use crate::args::ReproduceArgs;
-use crate::error::{CliError, warn};
-use crate::report::to_json;
+use crate::error::CliError;
 
 use builds::SceneMeasurement;
 use figures::SceneFigures;
@@ -71,25 +69,23 @@ struct Measured {
 pub(crate) fn run(args: &ReproduceArgs) -> Result<(), CliError> {
     // What can be refused at once comes first, what takes time last.
     let settings = Settings::new(args)?;
-    check_folder(&args.out)?;
-    // A file in the folder that is yet to be made can be written when the folder can.
-    if let Some(json) = &args.json
-        && json.parent() != Some(&args.out)
-    {
-        check_writable(json)?;
-    }
+    let folder = ResultFolder::check(&args.out, args.json.as_deref())?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads)
         .build()
         .map_err(|_| CliError::Threads(settings.threads))?;
     // Whatever is timed runs on a worker, so that no build waits for one to wake up.
-    let rows = pool.install(|| reproduce(args, &settings))?;
+    let rows = pool.install(|| reproduce(args, &settings, &folder))?;
     let mut out = io::stdout().lock();
     out.write_all(terminal::table_1(&rows).as_bytes())?;
     Ok(writeln!(out, "{}", args.out.join(PAGE).display())?)
 }
 
-fn reproduce(args: &ReproduceArgs, settings: &Settings) -> Result<Vec<Row>, CliError> {
+fn reproduce(
+    args: &ReproduceArgs,
+    settings: &Settings,
+    folder: &ResultFolder,
+) -> Result<Vec<Row>, CliError> {
     let inputs = if args.input.is_empty() {
         builtin::names().map(PathBuf::from).collect()
     } else {
@@ -100,43 +96,32 @@ fn reproduce(args: &ReproduceArgs, settings: &Settings) -> Result<Vec<Row>, CliE
     let scenes = scenes.map(|input| Scene::open(input, args.frames, &builder));
     // All of them, before an hour is spent on the first.
     let mut scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
-    distinguish(&mut scenes);
-    fs::create_dir_all(&args.out).map_err(|source| file_error(&args.out, source))?;
-    check_writable(&args.out.join(PAGE))?;
+    let names = distinct_names(scenes.iter().map(|scene| scene.name.clone()));
+    for (scene, name) in scenes.iter_mut().zip(names) {
+        scene.name = name;
+    }
+    folder.create()?;
 
     let results = Results {
         settings,
         provenance: Provenance::collect("splitcast", env!("CARGO_PKG_VERSION")),
-        folder: &args.out,
+        folder,
         json: args.json.as_deref(),
     };
     let (mut measured, mut pages) = (Vec::new(), Vec::new());
-    for mut scene in scenes {
-        let file = file_name(&scene.name, &pages);
+    let files = distinct_names(scenes.iter().map(|scene| file_name(&scene.name)));
+    for (mut scene, file) in scenes.into_iter().zip(files) {
         let (scene_measured, scene_page) = measure_scene(&mut scene, settings, &file)?;
         for figure in scene_page.figures.iter() {
-            let path = args.out.join(format!("{}.svg", figure.file));
-            write(&path, figure.plot.to_standalone_svg().as_bytes())?;
+            let name = format!("{}.svg", figure.file);
+            folder.write(&name, figure.plot.to_standalone_svg().as_bytes())?;
         }
         measured.push(scene_measured);
-        pages.push((file, scene_page));
+        pages.push(scene_page);
         // After every scene: what was measured is kept if the next one fails.
         results.write(&measured, &pages)?;
     }
-    Ok(pages.into_iter().flat_map(|(_, page)| page.rows).collect())
-}
-
-/// Numbers the scenes that have the name of an earlier one, so that rows can be told apart.
-fn distinguish(scenes: &mut [Scene]) {
-    for later in 1..scenes.len() {
-        let (earlier, rest) = scenes.split_at_mut(later);
-        let name = rest[0].name.clone();
-        let mut number = 1;
-        while earlier.iter().any(|scene| scene.name == rest[0].name) {
-            number += 1;
-            rest[0].name = format!("{name}-{number}");
-        }
-    }
+    Ok(pages.into_iter().flat_map(|page| page.rows).collect())
 }
 
 fn measure_scene(
@@ -185,21 +170,20 @@ fn measure_scene(
 struct Results<'a> {
     settings: &'a Settings,
     provenance: Provenance,
-    folder: &'a Path,
+    folder: &'a ResultFolder,
     json: Option<&'a Path>,
 }
 
 impl Results<'_> {
     /// Writes tables, measurements and page, each whole or not at all.
-    fn write(&self, measured: &[Measured], pages: &[(String, ScenePage)]) -> Result<(), CliError> {
-        let pages = || pages.iter().map(|(_, page)| page);
-        let rows = || pages().flat_map(|page| &page.rows);
+    fn write(&self, measured: &[Measured], pages: &[ScenePage]) -> Result<(), CliError> {
+        let rows = || pages.iter().flat_map(|page| &page.rows);
         let table = to_json(&TableReport {
             machine: &self.provenance,
             settings: self.settings,
             seed: self.settings.seed,
             scenes: rows().collect(),
-            builders: pages().flat_map(|page| &page.builders).collect(),
+            builders: pages.iter().flat_map(|page| &page.builders).collect(),
             paper: &paper::TABLE_1,
         });
         let measurements = to_json(&Measurements {
@@ -207,68 +191,41 @@ impl Results<'_> {
             settings: self.settings,
             scenes: measured,
         });
-        let scenes: Vec<&ScenePage> = pages().collect();
+        let scenes: Vec<&ScenePage> = pages.iter().collect();
         let html = page(&scenes, self.settings, &self.provenance);
-        let to = |name: &str| self.folder.join(name);
-        write(&to("table1.json"), table.as_bytes())?;
-        write(&to("table1.csv"), &csv(rows(), &to("table1.csv"))?)?;
-        write(&to("measurements.json"), measurements.as_bytes())?;
-        write(&to(PAGE), html.as_bytes())?;
-        match self.json {
-            Some(json) => write(json, table.as_bytes()),
-            None => Ok(()),
+        let csv = csv(rows()).map_err(|error| {
+            FileError::new(&self.folder.path("table1.csv"), io::Error::other(error))
+        })?;
+        self.folder.write("table1.json", table.as_bytes())?;
+        self.folder.write("table1.csv", &csv)?;
+        self.folder
+            .write("measurements.json", measurements.as_bytes())?;
+        self.folder.write(PAGE, html.as_bytes())?;
+        if let Some(json) = self.json {
+            write_file(json, table.as_bytes())?;
         }
+        Ok(())
     }
 }
 
 /// Rows as comma-separated values with a header (RFC 4180).
-fn csv<'a>(rows: impl Iterator<Item = &'a Row>, path: &Path) -> Result<Vec<u8>, CliError> {
+fn csv<'a>(rows: impl Iterator<Item = &'a Row>) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header = true;
-    let failed = |error: csv::Error| file_error(path, io::Error::other(error));
     for row in rows {
         let (names, values): (Vec<_>, Vec<_>) = row.cells().into_iter().unzip();
         if std::mem::take(&mut header) {
-            writer.write_record(names).map_err(failed)?;
+            writer.write_record(names)?;
         }
-        writer.write_record(values).map_err(failed)?;
+        writer.write_record(values)?;
     }
-    writer
-        .into_inner()
-        .map_err(|error| file_error(path, io::Error::other(error.to_string())))
+    let bytes = writer.into_inner();
+    Ok(bytes.map_err(csv::IntoInnerError::into_error)?)
 }
 
-/// Finds out whether files can be put into a folder that may not exist yet,
-/// and leaves no trace.
-fn check_folder(folder: &Path) -> Result<(), CliError> {
-    let there = folder.ancestors().find(|path| path.exists());
-    let there = there.unwrap_or(Path::new("."));
-    Ok(check_writable(&there.join(PAGE))?)
-}
-
-/// A scene's name as it may stand in a file's, not taken by an earlier scene.
-fn file_name(scene: &str, earlier: &[(String, ScenePage)]) -> String {
+/// A scene's name as it may stand in a file's.
+fn file_name(scene: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
-    let name: String = scene
-        .chars()
-        .map(|c| if plain(c) { c } else { '-' })
-        .collect();
-    let taken = |name: &str| earlier.iter().any(|(file, _)| file == name);
-    if !taken(&name) {
-        return name;
-    }
-    let numbered = (2..).map(|number| format!("{name}-{number}"));
-    let mut free = numbered.filter(|name| !taken(name));
-    free.next().expect("there are more numbers than scenes")
-}
-
-fn write(path: &Path, content: &[u8]) -> Result<(), CliError> {
-    write_atomically(path, |out| out.write_all(content)).map_err(|source| file_error(path, source))
-}
-
-fn file_error(path: &Path, source: io::Error) -> CliError {
-    CliError::File {
-        path: path.to_owned(),
-        source,
-    }
+    let plain = |c: char| if plain(c) { c } else { '-' };
+    scene.chars().map(plain).collect()
 }

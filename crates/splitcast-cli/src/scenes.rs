@@ -4,15 +4,14 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use serde::Serialize;
-use splitcast_scene::builtin;
-
-use crate::error::CliError;
-use crate::input::scene_names;
-use crate::progress::Progress;
-use crate::table::{
+use splitcast_console::table::{
     self,
     Align::{Left, Right},
 };
+use splitcast_console::{Progress, scene_names, to_json};
+use splitcast_scene::builtin;
+
+use crate::error::CliError;
 
 #[derive(Serialize)]
 struct SceneList {
@@ -43,7 +42,7 @@ pub(crate) fn list(json: bool) -> Result<(), CliError> {
         })
         .collect();
     let text = if json {
-        crate::report::to_json(&SceneList { scenes })
+        to_json(&SceneList { scenes })
     } else {
         let rows: Vec<Vec<String>> = scenes
             .iter()

@@ -1,11 +1,12 @@
 //! The table at the end of a render.
 
-use crate::progress::clock;
-use crate::report::{FrameReport, Report};
-use crate::table::{
+use splitcast_console::table::{
     self,
     Align::{Left, Right},
 };
+use splitcast_console::{clock, count, figure, median};
+
+use crate::report::{FrameReport, Report};
 
 /// What a run took, in a few lines.
 pub(crate) fn summary(report: &Report) -> String {
@@ -68,49 +69,5 @@ pub(crate) fn megarays(frame: &FrameReport) -> f64 {
         frame.rays as f64 / frame.trace_ms / 1e3
     } else {
         0.0
-    }
-}
-
-/// Three digits, and not more after the point than that.
-pub(crate) fn figure(value: f64) -> String {
-    let digits = match value.abs() {
-        v if v >= 100.0 => 0,
-        v if v >= 10.0 => 1,
-        _ => 2,
-    };
-    format!("{value:.digits$}")
-}
-
-/// A number with its noun: 1 frame, 2 frames.
-pub(crate) fn count(number: usize, thing: &str) -> String {
-    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
-}
-
-/// The middle of sorted values, or the mean of the two in the middle.
-pub(crate) fn median(sorted: &[f64]) -> f64 {
-    let middle = sorted.len() / 2;
-    if sorted.len() % 2 == 1 {
-        sorted[middle]
-    } else {
-        (sorted[middle - 1] + sorted[middle]) / 2.0
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn medians_of_odd_and_even_counts() {
-        assert_eq!(median(&[7.0]), 7.0);
-        assert_eq!(median(&[1.0, 2.0, 9.0]), 2.0);
-        assert_eq!(median(&[1.0, 2.0, 4.0, 9.0]), 3.0);
-    }
-
-    #[test]
-    fn figures_have_three_digits() {
-        assert_eq!(figure(0.1234), "0.12");
-        assert_eq!(figure(12.345), "12.3");
-        assert_eq!(figure(812.34), "812");
     }
 }

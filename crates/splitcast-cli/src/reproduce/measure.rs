@@ -9,6 +9,7 @@
 use std::time::{Duration, Instant};
 
 use splitcast::{BuildReport, KdTree, SequenceBuilder};
+use splitcast_console::{Progress, figure, median};
 use splitcast_render::BenchmarkRays;
 use splitcast_scene::Frame;
 
@@ -18,9 +19,7 @@ use super::settings::{Contender, Settings};
 use super::survey::Survey;
 use crate::error::CliError;
 use crate::fingerprint::Fingerprint;
-use crate::input::build_tree;
-use crate::progress::Progress;
-use crate::summary::{figure, median};
+use crate::trees::build_tree;
 
 /// Primary rays a side of the picture that trees are traced with.
 pub(crate) const RAYS_A_SIDE: u32 = 256;

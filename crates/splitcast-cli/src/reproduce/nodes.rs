@@ -10,12 +10,12 @@ use std::cmp::Reverse;
 use serde::Serialize;
 use splitcast::filter::{KalmanFilter, Predictor, VirtualObservations, WienerPredictor};
 use splitcast::{Aabb, BuildReport, KdTree, NodeKind, Outcome, SplitRecord, TrackingOptions};
+use splitcast_console::Progress;
 
 use super::scene::Scene;
 use super::settings::{Contender, NodePath, Settings};
 use crate::error::CliError;
-use crate::input::build_tree;
-use crate::progress::Progress;
+use crate::trees::build_tree;
 
 /// Planes along an axis at which a cost curve is evaluated.
 const CURVE_POINTS: usize = 81;

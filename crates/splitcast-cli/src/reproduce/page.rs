@@ -1,5 +1,7 @@
 //! The page `report.html`.
 
+use splitcast_console::count;
+use splitcast_console::table::grouped;
 use splitcast_report::{Cell, Column, Figure, Image, Page, Provenance, Section, Table};
 
 use super::figures::{SceneFigure, SceneFigures};
@@ -8,8 +10,6 @@ use super::paper::{SAH_GOAL, row_for};
 use super::rows::{BuilderRow, Extreme, Row};
 use super::settings::{Contender, Settings};
 use super::terminal::{NONE, number, percent, ratio};
-use crate::summary::count;
-use crate::table::grouped;
 
 /// Everything about one scene that the page shows.
 pub(crate) struct ScenePage {

@@ -1,11 +1,11 @@
 //! Rows of the tables: medians over the frames, and the worst frame.
 
 use serde::Serialize;
+use splitcast_console::median;
 
 use super::builds::{BuildFigures, FrameMeasurement, SceneMeasurement, ratio};
 use super::paper::{SAH_GOAL, row_for};
 use super::settings::Contender;
-use crate::summary::median;
 
 /// A row of Table I: one scene with one filter. What cannot be told, such as a
 /// running build of a single frame, is absent.

@@ -1,12 +1,13 @@
 //! Table I on the terminal.
 
-use super::paper::{SAH_GOAL, row_for};
-use super::rows::Row;
-use crate::summary::figure;
-use crate::table::{
+use splitcast_console::figure;
+use splitcast_console::table::{
     self,
     Align::{Left, Right},
 };
+
+use super::paper::{SAH_GOAL, row_for};
+use super::rows::Row;
 
 /// What stands in a cell that has no value.
 pub(crate) const NONE: &str = "-";

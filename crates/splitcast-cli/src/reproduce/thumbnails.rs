@@ -1,6 +1,7 @@
 //! Small pictures of a scene, as in Figure 2 of Hussain & Grahn 2008.
 
 use splitcast::Aabb;
+use splitcast_console::Progress;
 use splitcast_render::{
     Camera, DEFAULT_FOV_DEGREES, Perspective, Quality, RenderOptions, Renderer, encode_png,
 };
@@ -9,8 +10,7 @@ use splitcast_report::Image;
 use super::scene::Scene;
 use super::settings::{Contender, Settings};
 use crate::error::CliError;
-use crate::input::build_tree;
-use crate::progress::Progress;
+use crate::trees::build_tree;
 
 /// Most pictures of a scene.
 const PICTURES: usize = 8;

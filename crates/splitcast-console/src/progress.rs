@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 const QUIET: Duration = Duration::from_secs(5);
 
 /// Tells about steps of one piece of work, on standard error.
-pub(crate) struct Progress {
+pub struct Progress {
     what: &'static str,
     total: usize,
     done: usize,
@@ -22,7 +22,7 @@ pub(crate) struct Progress {
 
 impl Progress {
     /// Starts work of `total` steps; `what` names it in a word.
-    pub(crate) fn new(what: &'static str, total: usize) -> Self {
+    pub fn new(what: &'static str, total: usize) -> Self {
         let bar = io::stderr().is_terminal().then(|| {
             let bar =
                 ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
@@ -44,7 +44,7 @@ impl Progress {
     }
 
     /// One step is done; `message` tells more about it.
-    pub(crate) fn step(&mut self, message: &str) {
+    pub fn step(&mut self, message: &str) {
         self.done += 1;
         let left = self.started.elapsed() / self.done as u32
             * (self.total - self.done.min(self.total)) as u32;
@@ -72,7 +72,7 @@ impl Progress {
     }
 
     /// Takes the bar off the screen; lines stay.
-    pub(crate) fn finish(&self) {
+    pub fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
@@ -87,7 +87,7 @@ impl Drop for Progress {
 }
 
 /// A length of time as people read it: 0:07, 12:40, 1:02:03.
-pub(crate) fn clock(time: Duration) -> String {
+pub fn clock(time: Duration) -> String {
     let seconds = (time.as_secs_f64() + 0.5) as u64;
     let (hours, minutes, seconds) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
     if hours > 0 {

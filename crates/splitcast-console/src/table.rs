@@ -4,14 +4,19 @@ use std::fmt::Write;
 
 /// Side on which the cells of a column are flush.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Align {
+pub enum Align {
+    /// To the left, as text is read.
     Left,
+    /// To the right, so that digits line up.
     Right,
 }
 
 /// Lays out rows under the columns' names; every column is as wide as its
-/// widest cell.
-pub(crate) fn layout(columns: &[(&str, Align)], rows: &[Vec<String>]) -> String {
+/// widest cell. Ends with a line end.
+///
+/// # Panics
+/// If a row has fewer cells than there are columns.
+pub fn layout(columns: &[(&str, Align)], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| row[column].chars().count());
         let name = columns[column].0.chars().count();
@@ -36,7 +41,7 @@ pub(crate) fn layout(columns: &[(&str, Align)], rows: &[Vec<String>]) -> String 
 }
 
 /// A number with a space between each three digits, as in 252 518.
-pub(crate) fn grouped(number: usize) -> String {
+pub fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {

@@ -248,13 +248,20 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     let time = |update: &UpdateSample| Some(update.traces.get(set?)?.ms);
     let cost = |update: &UpdateSample| update.sah_cost;
     // Those that fall behind the most are what there is to see.
-    let worst = |&(system, yardstick): &(&'r SystemMeasurement, &'r SystemMeasurement)| {
-        let mut ratios = ratios(system, yardstick, time);
-        ratios.extend(self::ratios(system, yardstick, cost));
-        ratios.into_iter().map(|point| point.1).fold(0.0, f64::max)
+    let typical = |points: Vec<(f64, f64)>| {
+        let ratios: Vec<f64> = points.into_iter().map(|point| point.1).collect();
+        if ratios.is_empty() {
+            0.0
+        } else {
+            median_of(ratios)
+        }
+    };
+    let behind = |&(system, yardstick): &(&'r SystemMeasurement, &'r SystemMeasurement)| {
+        let cost = typical(ratios(system, yardstick, cost));
+        typical(ratios(system, yardstick, time)).max(cost)
     };
     let all = pairs.len();
-    pairs.sort_by(|a, b| worst(b).total_cmp(&worst(a)));
+    pairs.sort_by(|a, b| behind(b).total_cmp(&behind(a)));
     pairs.truncate(MAX_LINES);
     let choice = if all > MAX_LINES {
         format!(
@@ -266,10 +273,10 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     let mut yardsticks: Vec<&str> = pairs.iter().map(|pair| &pair.1.name[..]).collect();
     yardsticks.sort_unstable();
     yardsticks.dedup();
-    let mut plot = |title: &str, label: &str, figure: &dyn Fn(&UpdateSample) -> Option<f64>| {
+    let mut plot = |title: &str, axis: Axis, figure: &dyn Fn(&UpdateSample) -> Option<f64>| {
         let plot = Plot::new(title)
             .x(Axis::new("frame").whole())
-            .y(Axis::new(label).include(1.0))
+            .y(axis.include(1.0))
             .no_data("no system tells");
         pairs.iter().fold(plot, |plot, (system, yardstick)| {
             match ratios(system, yardstick, figure) {
@@ -283,7 +290,8 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
         figures.push(
             Figure::new(plot(
                 "What trees are worth: diffuse rays",
-                "time over that of the yardstick",
+                // One frame that was disturbed must not hide all others.
+                Axis::new("time over that of the yardstick").log(),
                 &time,
             ))
             .caption(format!(
@@ -297,7 +305,7 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     figures.push(
         Figure::new(plot(
             "What trees are worth: expected cost",
-            "SAH cost over that of the yardstick",
+            Axis::new("SAH cost over that of the yardstick"),
             &cost,
         ))
         .caption(
@@ -326,6 +334,12 @@ fn total(update: &UpdateSample) -> Option<f64> {
     (!update.traces.is_empty()).then_some(update.update_ms + rays)
 }
 
+/// The median of at least one value, in any order.
+fn median_of(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    median(&values)
+}
+
 /// A figure frame by frame: the median of its rounds.
 fn by_frame(
     system: &SystemMeasurement,
@@ -337,13 +351,9 @@ fn by_frame(
             rounds.entry(update.frame).or_default().push(value);
         }
     }
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        median(&values)
-    };
     let frames = rounds.into_iter();
     frames
-        .map(|(frame, values)| (frame, median(values)))
+        .map(|(frame, values)| (frame, median_of(values)))
         .collect()
 }
 

@@ -25,7 +25,7 @@ pub(crate) fn page(report: &Report) -> String {
     });
     page.section(systems(report))
         .section(columns())
-        .section(method(report))
+        .section(method())
         .section(origin(report))
         .to_html()
 }
@@ -117,11 +117,19 @@ fn with_update(rays: &str) -> String {
     format!("+\u{a0}{rays}")
 }
 
+/// Who is not compared, and where.
 fn left_out(report: &Report) -> String {
-    let wrong = report.rows.iter().filter(|row| !row.agrees);
-    let wrong: Vec<String> = wrong
-        .map(|row| format!("{} ({})", row.system, place(&row.scene, row.threads)))
-        .collect();
+    let wrong = report.systems.iter().filter_map(|system| {
+        let rows = report.rows.iter().filter(|row| row.system == system.name);
+        let places = rows.clone().filter(|row| !row.agrees);
+        let places: Vec<String> = places.map(|row| place(&row.scene, row.threads)).collect();
+        match places.len() {
+            0 => None,
+            all if all == rows.count() => Some(system.name.clone()),
+            _ => Some(format!("{} on {}", system.name, places.join(" and "))),
+        }
+    });
+    let wrong: Vec<String> = wrong.collect();
     if wrong.is_empty() {
         "The hits of all systems are right, so none is left out.".to_owned()
     } else {
@@ -175,15 +183,18 @@ fn scene_section(report: &Report, scene: &SceneMeasurement) -> Section {
     }
 }
 
+/// What a column shows of a row.
+type FigureOf<'a> = dyn Fn(&Row) -> Option<f64> + 'a;
+
 /// A column of figures by system.
-struct Figures<'a> {
+struct FigureColumn<'a> {
     name: String,
-    value: Box<dyn Fn(&Row) -> Option<f64> + 'a>,
+    value: Box<FigureOf<'a>>,
     /// Whether more is better; `None` if systems cannot be compared by it.
     more_is_better: Option<bool>,
 }
 
-impl<'a> Figures<'a> {
+impl<'a> FigureColumn<'a> {
     fn new(
         name: impl Into<String>,
         more_is_better: Option<bool>,
@@ -220,7 +231,7 @@ impl<'a> Figures<'a> {
 }
 
 /// A table with a row a system.
-fn by_system(rows: &[&Row], columns: &[Figures<'_>]) -> Table {
+fn by_system(rows: &[&Row], columns: &[FigureColumn<'_>]) -> Table {
     let header = columns
         .iter()
         .map(|column| Column::right(column.name.clone()));
@@ -244,12 +255,12 @@ fn system_cell(row: &Row) -> Cell {
 
 fn times(rows: &[&Row], kinds: &[RaySetKind]) -> Table {
     let mut columns = vec![
-        Figures::new("update", Some(false), |row| Some(row.update_ms.median)),
-        Figures::new("p95", Some(false), |row| Some(row.update_ms.p95)),
-        Figures::new("worst", Some(false), |row| Some(row.update_ms.worst)),
+        FigureColumn::new("update", Some(false), |row| Some(row.update_ms.median)),
+        FigureColumn::new("p95", Some(false), |row| Some(row.update_ms.p95)),
+        FigureColumn::new("worst", Some(false), |row| Some(row.update_ms.worst)),
     ];
     columns.extend(kinds.iter().map(|kind| {
-        Figures::new(kind.name(), Some(true), |row: &Row| {
+        FigureColumn::new(kind.name(), Some(true), |row: &Row| {
             row.mrays.get(kind.name()).copied()
         })
     }));
@@ -262,15 +273,15 @@ fn times(rows: &[&Row], kinds: &[RaySetKind]) -> Table {
 fn frames(rows: &[&Row], kinds: &[RaySetKind]) -> Table {
     let mut columns: Vec<_> = (kinds.iter())
         .map(|kind| {
-            Figures::new(with_update(kind.name()), Some(false), |row: &Row| {
+            FigureColumn::new(with_update(kind.name()), Some(false), |row: &Row| {
                 row.frame_ms.get(kind.name()).copied()
             })
         })
         .collect();
-    columns.push(Figures::new("memory", Some(false), |row| {
+    columns.push(FigureColumn::new("memory", Some(false), |row| {
         Some(row.bytes as f64 / 1e6)
     }));
-    columns.push(Figures::new("SAH cost", None, |row| row.sah_cost));
+    columns.push(FigureColumn::new("SAH cost", None, |row| row.sah_cost));
     by_system(rows, &columns)
         .caption("Time of an update and one set of rays in the same frame in ms; memory in MB.")
 }
@@ -396,7 +407,7 @@ fn columns() -> Section {
     ])
 }
 
-fn method(report: &Report) -> Section {
+fn method() -> Section {
     Section::new("How it was measured")
         .paragraph(
             "All systems get the same frames and the same rays. In each frame they take turns, in \
@@ -412,20 +423,8 @@ fn method(report: &Report) -> Section {
         .paragraph(format!(
             "Hits are checked in every frame in which rays are traced: a sample of each set ray by \
              ray with brute force, and the number of all hits and the sum of their distances to \
-             within {TOLERANCE:e}. Figures are medians over the frames unless they say otherwise; \
-             {}.",
-            rounds(&report.settings)
+             within {TOLERANCE:e}. FigureColumn are medians over the frames unless they say otherwise."
         ))
-}
-
-fn rounds(settings: &Settings) -> String {
-    match settings.rounds {
-        None => "sequences of few frames are gone through until there are ten updates".to_owned(),
-        Some(rounds) => format!(
-            "each sequence was gone through in {}",
-            count(rounds, "round")
-        ),
-    }
 }
 
 fn origin(report: &Report) -> Section {
@@ -580,7 +579,7 @@ mod tests {
         let cells = texts(&parse(&html), "td");
         assert!(cells.contains(&"0.50".to_owned()), "{cells:?}");
         for told in [
-            "peer-cheat (scene, 2 threads)",
+            "not compared: peer-cheat.",
             "peer-cheat (wrong hits)",
             "peer-cheat disagrees on primary",
         ] {

@@ -1,7 +1,8 @@
 //! Labels beside dots, each where it covers neither a dot nor another label.
 //!
 //! The label with the fewest free places is put down first, on the place that takes
-//! the least away from the others. What has no free place is left out.
+//! the least away from the others. A label that is left without a place takes one from
+//! another that can move away. What has no place even so is left out.
 
 use super::layout::{Area, TICK};
 use super::marks;
@@ -58,28 +59,63 @@ pub(super) fn place(
     area: Area,
 ) -> Vec<Option<Label>> {
     let squares: Vec<Area> = dots.iter().map(|dot| around(dot.at)).collect();
-    let mut free: Vec<Vec<Candidate>> = (dots.iter())
-        .map(|dot| match dot.text.trim() {
-            "" => Vec::new(),
-            text => Candidate::all(dot.at, text::width(text, TICK)),
-        })
-        .collect();
-    for candidate in &mut free {
+    let candidates = dots.iter().map(|dot| match dot.text.trim() {
+        "" => Vec::new(),
+        text => Candidate::all(dot.at, text::width(text, TICK)),
+    });
+    let mut candidates: Vec<Vec<Candidate>> = candidates.collect();
+    for candidate in &mut candidates {
         candidate.retain_mut(|candidate| {
             candidate.crossed = crossed(lines, candidate.room);
             let room = candidate.room;
             is_within(room, area) && !squares.iter().any(|&square| overlap(square, room))
         });
     }
-    let mut labels = vec![None; dots.len()];
-    while let Some((dot, chosen)) = next(&free) {
-        labels[dot] = Some(chosen.label);
-        free[dot].clear();
-        for candidates in &mut free {
-            candidates.retain(|candidate| !overlap(candidate.room, chosen.room));
+    let mut chosen = greedy(candidates.clone());
+    for dot in 0..dots.len() {
+        if chosen[dot].is_none() {
+            make_way(dot, &candidates, &mut chosen);
         }
     }
-    labels
+    let labels = chosen.into_iter();
+    labels.map(|chosen| Some(chosen?.label)).collect()
+}
+
+/// Chooses places one by one, from those that are still free.
+fn greedy(mut free: Vec<Vec<Candidate>>) -> Vec<Option<Candidate>> {
+    let mut chosen = vec![None; free.len()];
+    while let Some((dot, place)) = next(&free) {
+        chosen[dot] = Some(place);
+        free[dot].clear();
+        for candidates in &mut free {
+            candidates.retain(|candidate| !overlap(candidate.room, place.room));
+        }
+    }
+    chosen
+}
+
+/// Gives `dot` the first place that at most one other label stands on, if that one has
+/// another place to go to.
+fn make_way(dot: usize, candidates: &[Vec<Candidate>], chosen: &mut [Option<Candidate>]) {
+    let on = |room: Area| -> Vec<usize> {
+        let labels = chosen.iter().enumerate();
+        let labels = labels.filter_map(|(other, label)| Some((other, (*label)?)));
+        let on = labels.filter(|(_, label)| overlap(label.room, room));
+        on.map(|(other, _)| other).collect()
+    };
+    let moves = candidates[dot].iter().find_map(|wanted| {
+        let &[other] = &on(wanted.room)[..] else {
+            return None;
+        };
+        let is_free = |to: &&Candidate| {
+            !overlap(to.room, wanted.room) && on(to.room).iter().all(|&label| label == other)
+        };
+        Some((*wanted, other, *candidates[other].iter().find(is_free)?))
+    });
+    if let Some((wanted, other, to)) = moves {
+        chosen[other] = Some(to);
+        chosen[dot] = Some(wanted);
+    }
 }
 
 /// A place that a label may take.
@@ -88,8 +124,8 @@ struct Candidate {
     label: Label,
     /// What the text covers.
     room: Area,
-    /// Whether a line runs through it.
-    crossed: bool,
+    /// How much of the lines it covers.
+    crossed: f64,
     /// Its place in the order of preference.
     rank: usize,
 }
@@ -127,7 +163,7 @@ impl Candidate {
                     right: left + width,
                     bottom: y + DESCENT,
                 },
-                crossed: false,
+                crossed: 0.0,
                 rank,
             }
         };
@@ -142,15 +178,19 @@ fn next(free: &[Vec<Candidate>]) -> Option<(usize, Candidate)> {
         .enumerate()
         .filter(|(_, places)| !places.is_empty());
     let (dot, places) = open.min_by_key(|(_, places)| places.len())?;
-    let taken = |candidate: &&Candidate| {
+    let taken = |candidate: &Candidate| {
         let others = free.iter().enumerate().filter(|&(other, _)| other != dot);
         let others = others.flat_map(|(_, places)| places);
-        let taken = others
+        others
             .filter(|other| overlap(other.room, candidate.room))
-            .count();
-        (candidate.crossed, taken, candidate.rank)
+            .count()
     };
-    Some((dot, *places.iter().min_by_key(taken)?))
+    let cost = |candidate: &Candidate| (taken(candidate), candidate.rank);
+    let best = places.iter().min_by(|a, b| {
+        let crossed = a.crossed.total_cmp(&b.crossed);
+        crossed.then_with(|| cost(a).cmp(&cost(b)))
+    });
+    Some((dot, *best?))
 }
 
 fn around((x, y): (f64, f64)) -> Area {
@@ -162,12 +202,11 @@ fn around((x, y): (f64, f64)) -> Area {
     }
 }
 
-fn crossed(lines: &[Vec<Option<(f64, f64)>>], room: Area) -> bool {
-    let mut pairs = lines.iter().flat_map(|line| line.windows(2));
-    pairs.any(|pair| match (pair[0], pair[1]) {
-        (Some(a), Some(b)) => marks::clip(a, b, room).is_some(),
-        _ => false,
-    })
+/// Length of the parts of lines that are within `room`.
+fn crossed(lines: &[Vec<Option<(f64, f64)>>], room: Area) -> f64 {
+    let pairs = lines.iter().flat_map(|line| line.windows(2));
+    let parts = pairs.filter_map(|pair| marks::clip(pair[0]?, pair[1]?, room));
+    parts.map(|(a, b)| (b.0 - a.0).hypot(b.1 - a.1)).sum()
 }
 
 fn is_within(room: Area, area: Area) -> bool {
@@ -213,6 +252,28 @@ mod tests {
         assert_eq!(anchors(&two, &[]), [Some(Anchor::End), Some(Anchor::Start)]);
         let line = vec![Some((110.0, 0.0)), Some((110.0, 100.0))];
         assert_eq!(anchors(&[dot(100.0, 50.0)], &[line]), [Some(Anchor::End)]);
+    }
+
+    #[test]
+    fn a_label_makes_way_for_one_that_has_no_other_place() {
+        let all = |dots: &[Dot<'_>]| {
+            let squares: Vec<Area> = dots.iter().map(|dot| around(dot.at)).collect();
+            let places = |dot: &Dot<'_>| {
+                let mut places = Candidate::all(dot.at, 30.0);
+                places.retain(|place| !squares.iter().any(|&square| overlap(square, place.room)));
+                places
+            };
+            dots.iter().map(places).collect::<Vec<_>>()
+        };
+        let mut candidates = all(&[dot(60.0, 50.0), dot(110.0, 50.0)]);
+        // The second label can only stand where the first one does.
+        candidates[1].retain(|place| place.label.anchor == Anchor::End);
+        candidates[1].truncate(1);
+        let mut chosen = vec![Some(candidates[0][0]), None];
+        assert!(overlap(candidates[0][0].room, candidates[1][0].room));
+        make_way(1, &candidates, &mut chosen);
+        let rooms: Vec<Area> = chosen.iter().flatten().map(|place| place.room).collect();
+        assert!(rooms.len() == 2 && !overlap(rooms[0], rooms[1]));
     }
 
     #[test]

@@ -8,6 +8,9 @@ use splitcast_console::{ValueError, parse_size, parse_threads, parse_up_to};
 
 use crate::rays::RaySetKind;
 
+/// Most pixels of a picture: 2048 by 2048. Every pixel has up to five rays of 64 bytes.
+const MAX_PIXELS: u64 = 1 << 22;
+
 /// Most times that a sequence can be gone through, and largest step between traced frames.
 const MAX_COUNT: usize = 10_000;
 
@@ -34,7 +37,7 @@ pub(crate) struct Args {
     pub(crate) threads: Vec<NonZeroUsize>,
 
     /// Width and height of the picture that primary rays are for, in pixels
-    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_picture)]
     pub(crate) size: (u32, u32),
 
     /// Trace rays in every K-th frame only; updates are made in all [default: as many as trace ten]
@@ -56,6 +59,17 @@ pub(crate) struct Args {
     /// List the systems that are found, and what is missing
     #[arg(long)]
     pub(crate) list: bool,
+}
+
+/// A picture that is not too large for its rays to be kept.
+fn parse_picture(text: &str) -> Result<(u32, u32), String> {
+    let (width, height) = parse_size(text).map_err(|error| error.to_string())?;
+    match u64::from(width) * u64::from(height) {
+        0..=MAX_PIXELS => Ok((width, height)),
+        _ => Err(format!(
+            "all rays are kept in memory: at most {MAX_PIXELS} pixels"
+        )),
+    }
 }
 
 fn parse_count(text: &str) -> Result<NonZeroUsize, ValueError> {

@@ -42,7 +42,17 @@ enum CommandError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error("{place}: {source}")]
-    Measure { place: String, source: MeasureError },
+    Measure {
+        place: String,
+        source: Box<MeasureError>,
+    },
+    #[error("{place}: frame {frame} cannot be measured: {reason}")]
+    Frame {
+        /// The frame's file, or the scene's name.
+        place: String,
+        frame: usize,
+        reason: &'static str,
+    },
     #[error(transparent)]
     Picture(#[from] RenderError),
     #[error(transparent)]
@@ -122,6 +132,9 @@ fn run(args: &Args) -> Result<(), CommandError> {
         return Ok(());
     }
     let catalog = catalog.choose(&args.systems).map_err(CommandError::Usage)?;
+    let mut threads: Vec<usize> = args.threads.iter().map(|threads| threads.get()).collect();
+    threads.sort_unstable();
+    threads.dedup();
     let mut kinds = RaySetKind::ALL.to_vec();
     kinds.retain(|kind| args.rays.is_empty() || args.rays.contains(kind));
     let folder = ResultFolder::check(&args.out, args.json.as_deref())?;
@@ -145,7 +158,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
         machine: Provenance::collect("splitcast-bench", env!("CARGO_PKG_VERSION")),
         settings: Settings {
             size: args.size,
-            threads: args.threads.iter().map(|threads| threads.get()).collect(),
+            threads: threads.clone(),
             every: args.every.map(usize::from),
             rounds: args.rounds.map(usize::from),
         },
@@ -166,8 +179,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
         });
     }
     for scene in &mut scenes {
-        for &threads in &args.threads {
-            let threads = threads.get();
+        for &threads in &threads {
             let measured = scene.measure(&catalog, &report.kinds, args, threads)?;
             let rows = Row::of_scene(&measured, &report.kinds);
             writeln!(
@@ -228,6 +240,20 @@ impl Scene {
         let range = 0..input.source.frame_count();
         let mut frames = Excerpt::new(input, range);
         let info = SequenceInfo::measure(&mut frames)?;
+        for (frame, counts) in info.frames.iter().enumerate() {
+            let reason = match counts {
+                counts if counts.triangles == 0 => "it has no triangles",
+                counts if counts.non_finite > 0 => {
+                    "it has vertices at NaN or infinity, which libraries treat differently"
+                }
+                _ => continue,
+            };
+            return Err(CommandError::Frame {
+                place: frames.place(frame),
+                frame,
+                reason,
+            });
+        }
         let aspect = width as f32 / height as f32;
         let view = Perspective::framing(&info.outline, UP, aspect, DEFAULT_FOV_DEGREES)?;
         let bounds = info.bounds.map(|bounds| [bounds.min, bounds.max]);
@@ -269,7 +295,7 @@ impl Scene {
             .install(|| measure(frames, &catalog.entries, picture, &plan, &mut step))
             .map_err(|source| CommandError::Measure {
                 place: self.place.display().to_string(),
-                source,
+                source: Box::new(source),
             })?;
         Ok(SceneMeasurement {
             scene: self.name.clone(),

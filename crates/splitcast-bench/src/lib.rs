@@ -25,6 +25,8 @@ pub use measure::{
 };
 pub use rays::{LANES, Picture, RayBlock, RaySet, RaySetKind, ray_sets};
 pub use results::{BySet, Figure, Ratio, Row, Spread};
-pub use system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
+pub use system::{
+    CatalogEntry, FrameMesh, HitChunk, MakeSystem, RayChunk, System, SystemError, Tracer,
+};
 pub use systems::Catalog;
 pub use workers::pool;

@@ -2,6 +2,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Passes everything on to the system's allocator. While nothing is counted, that
 /// costs one load of a flag that never changes, so times are not touched.
@@ -47,8 +48,11 @@ unsafe impl GlobalAlloc for Counting {
 }
 
 /// Runs `work` and tells by how many bytes it changed what all threads hold of
-/// Rust's heap. Calls must not overlap.
+/// Rust's heap. One call waits for another.
 pub(crate) fn held_by<R>(work: impl FnOnce() -> R) -> (R, isize) {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    // A panic in `work` leaves nothing behind that the next call does not reset.
+    let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     HELD.store(0, Ordering::Relaxed);
     COUNTS.store(true, Ordering::SeqCst);
     let result = work();

@@ -121,6 +121,9 @@ pub struct CatalogEntry {
     /// The system of the same family that rebuilds its tree well for every frame:
     /// the yardstick of quality over time. A system that is its own needs none.
     pub yardstick: Option<String>,
-    /// Makes the system for so many threads. Called on a worker of the pool.
-    pub make: Box<dyn Fn(usize) -> Result<Box<dyn System>, SystemError> + Send + Sync>,
+    /// Makes the system.
+    pub make: MakeSystem,
 }
+
+/// Makes a system for so many threads. Called on a worker of the pool.
+pub type MakeSystem = Box<dyn Fn(usize) -> Result<Box<dyn System>, SystemError> + Send + Sync>;

@@ -4,6 +4,7 @@
 //! Names, values and layouts are those of Embree 4's public headers.
 
 use std::env;
+use std::error::Error;
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};
 use std::path::{Path, PathBuf};
 use std::ptr;
@@ -283,8 +284,13 @@ impl Embree {
     pub(super) fn load() -> Result<Arc<Self>, String> {
         if let Some(path) = env::var_os(VARIABLE) {
             let path = PathBuf::from(path);
-            return Self::open(&path)
-                .map_err(|error| format!("{VARIABLE}={}: {error}", path.display()));
+            return Self::open(&path).map_err(|error| {
+                // The reason lies behind the error's own words.
+                let reason = error
+                    .source()
+                    .map_or(error.to_string(), ToString::to_string);
+                format!("{VARIABLE}={}: {reason}", path.display())
+            });
         }
         let candidates = NAMES.iter().chain(&PLACES).map(PathBuf::from);
         candidates

@@ -247,7 +247,7 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     let set = view.kinds.iter().position(|&kind| kind == QUALITY_KIND);
     let time = |update: &UpdateSample| Some(update.traces.get(set?)?.ms);
     let cost = |update: &UpdateSample| update.sah_cost;
-    // Those that fall behind the most are what there is to see.
+    // Those that fall behind the most are what there is to see, in each library.
     let typical = |points: Vec<(f64, f64)>| {
         let ratios: Vec<f64> = points.into_iter().map(|point| point.1).collect();
         if ratios.is_empty() {
@@ -262,10 +262,19 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     };
     let all = pairs.len();
     pairs.sort_by(|a, b| behind(b).total_cmp(&behind(a)));
+    let mut before: BTreeMap<&str, usize> = BTreeMap::new();
+    let places = pairs.iter().map(|(_, yardstick)| {
+        let place = before.entry(&yardstick.name).or_default();
+        *place += 1;
+        *place
+    });
+    let mut ranked: Vec<_> = places.collect::<Vec<_>>().into_iter().zip(pairs).collect();
+    ranked.sort_by_key(|(place, _)| *place);
+    let mut pairs: Vec<_> = ranked.into_iter().map(|(_, pair)| pair).collect();
     pairs.truncate(MAX_LINES);
     let choice = if all > MAX_LINES {
         format!(
-            " Shown are the {MAX_LINES} of {all} systems that fall behind their yardstick the most."
+            " Shown are {MAX_LINES} of {all} systems, of each library those that fall behind the most."
         )
     } else {
         String::new()

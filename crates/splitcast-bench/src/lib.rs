@@ -6,6 +6,8 @@
 mod args;
 mod check;
 pub mod command;
+mod figures;
+mod front;
 mod measure;
 mod memory;
 mod page;

@@ -152,19 +152,42 @@ impl Ratio {
     /// All ratios of the rows of one scene and number of threads. Systems with
     /// wrong hits do not take part. None where either side is missing.
     pub fn of_rows(rows: &[Row], kinds: &[RaySetKind]) -> Vec<Self> {
-        let mut ratios = Vec::new();
-        ratios.extend(Self::new(rows, Figure::Update, None, |row| {
-            Some(row.update_ms.median)
-        }));
-        for kind in kinds.iter().map(|kind| kind.name()) {
-            let time = |row: &Row| row.mrays.get(kind).map(|rate| 1.0 / rate);
-            ratios.extend(Self::new(rows, Figure::Trace, Some(kind), time));
-        }
-        for kind in kinds.iter().map(|kind| kind.name()) {
-            let time = |row: &Row| row.frame_ms.get(kind).copied();
-            ratios.extend(Self::new(rows, Figure::Frame, Some(kind), time));
-        }
-        ratios
+        let ratio = |(figure, rays): (Figure, Option<&'static str>)| {
+            Self::new(rows, figure, rays, |row| match (figure, rays) {
+                (Figure::Trace, Some(kind)) => row.mrays.get(kind).map(|rate| 1.0 / rate),
+                (Figure::Frame, Some(kind)) => row.frame_ms.get(kind).copied(),
+                _ => Some(row.update_ms.median),
+            })
+        };
+        Self::figures(kinds).filter_map(ratio).collect()
+    }
+
+    /// What is compared, in the order of tables: updates, tracing each set, and both.
+    pub(crate) fn figures(
+        kinds: &[RaySetKind],
+    ) -> impl Iterator<Item = (Figure, Option<&'static str>)> {
+        let sets = |figure| kinds.iter().map(move |kind| (figure, Some(kind.name())));
+        std::iter::once((Figure::Update, None))
+            .chain(sets(Figure::Trace))
+            .chain(sets(Figure::Frame))
+    }
+
+    /// A line for each scene and number of threads, with a ratio in each place of
+    /// [`figures`](Self::figures) that has one.
+    pub(crate) fn lines<'r>(
+        ratios: &'r [Self],
+        kinds: &[RaySetKind],
+    ) -> Vec<Vec<Option<&'r Self>>> {
+        let scenes = ratios.chunk_by(|a, b| (&a.scene, a.threads) == (&b.scene, b.threads));
+        let line = |scene: &'r [Self]| {
+            let find = |figure| {
+                scene
+                    .iter()
+                    .find(|ratio| (ratio.figure, ratio.rays) == figure)
+            };
+            Self::figures(kinds).map(find).collect()
+        };
+        scenes.map(line).collect()
     }
 
     fn new(

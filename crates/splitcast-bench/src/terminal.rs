@@ -7,10 +7,10 @@ use splitcast_console::table::{
 };
 
 use crate::rays::RaySetKind;
-use crate::results::{BySet, Figure, Ratio, Row};
+use crate::results::{BySet, Ratio, Row};
 
 /// What stands in a cell that has no value.
-const NONE: &str = "-";
+pub(crate) const NONE: &str = "-";
 
 /// The rows of one scene with one number of threads.
 pub(crate) fn systems(rows: &[Row], kinds: &[RaySetKind]) -> String {
@@ -63,31 +63,18 @@ pub(crate) fn ratios(ratios: &[Ratio], kinds: &[RaySetKind]) -> String {
         ("update", Right),
     ];
     columns.extend(names.iter().map(|name| (&name[..], Right)));
-    let mut scenes: Vec<(&str, usize)> = Vec::new();
-    for ratio in ratios {
-        let scene = (&ratio.scene[..], ratio.threads);
-        if !scenes.contains(&scene) {
-            scenes.push(scene);
-        }
-    }
-    let lines: Vec<Vec<String>> = (scenes.into_iter())
-        .map(|(scene, threads)| {
-            let find = |figure: Figure, rays: Option<&str>| {
-                let found = ratios.iter().find(|ratio| {
-                    (&ratio.scene[..], ratio.threads) == (scene, threads)
-                        && (ratio.figure, ratio.rays) == (figure, rays)
-                });
-                found.map_or(NONE.to_owned(), |ratio| format!("{:.2}", ratio.ratio))
+    let lines: Vec<Vec<String>> = (Ratio::lines(ratios, kinds).into_iter())
+        .map(|line| {
+            let place = line.iter().flatten().next();
+            let place = place.map(|ratio| [ratio.scene.clone(), ratio.threads.to_string()]);
+            let cell = |ratio: Option<&Ratio>| {
+                ratio.map_or(NONE.to_owned(), |ratio| format!("{:.2}", ratio.ratio))
             };
-            let mut line = vec![
-                scene.to_owned(),
-                threads.to_string(),
-                find(Figure::Update, None),
-            ];
-            for wanted in [Figure::Trace, Figure::Frame] {
-                line.extend(kinds.iter().map(|kind| find(wanted, Some(kind.name()))));
-            }
-            line
+            place
+                .into_iter()
+                .flatten()
+                .chain(line.into_iter().map(cell))
+                .collect()
         })
         .collect();
     format!(

@@ -75,7 +75,7 @@ fn text_and_tables() -> Section {
             "28.0",
             "98.10",
         ),
-        ("elephant", Cell::good("11.02"), "15.00", "19.6", "121.55"),
+        ("elephant", Cell::strong("11.02"), "15.00", "19.6", "121.55"),
         ("collision", Cell::muted("not run"), "20.00", "–", "–"),
     ];
     let mut table = Table::new([Column::left("scene")].into_iter().chain(columns))
@@ -149,8 +149,8 @@ fn scatters_and_bars() -> Section {
         .series(Series::bars("elephant", [1.0e6, 1.9e6, 0.0]));
     Section::new("Scatter plots and bars")
         .figure(Figure::new(systems()).caption(
-            "Time to update against the speed of tracing. The dashed line is the Pareto front: \
-             no system is better in both.",
+            "Time to update against the speed of tracing, with a label beside each dot that has \
+             room for one. The dashed line is the Pareto front: no system is better in both.",
         ))
         .figures([
             Figure::new(groups).caption("Bars in groups, one missing."),
@@ -283,13 +283,16 @@ fn many_names() -> Plot {
 }
 
 fn systems() -> Plot {
-    let systems = [
-        ("splitcast, tracked", (3.1, 24.0)),
-        ("splitcast, binned", (7.4, 29.5)),
-        ("splitcast, sweep", (420.0, 33.0)),
+    let ours: &[(&str, (f64, f64))] = &[
+        ("tracked", (3.1, 24.0)),
+        ("binned", (7.4, 29.5)),
+        ("sweep", (420.0, 33.0)),
+    ];
+    let peers: &[(&str, (f64, f64))] = &[
         ("peer A", (5.2, 21.0)),
         ("peer B", (16.0, 30.2)),
         ("peer C", (62.0, 22.4)),
+        ("peer C, refitted", (6.6, 29.0)),
         ("peer D, high quality", (160.0, 31.0)),
         ("peer E", (2.2, 9.0)),
     ];
@@ -309,9 +312,13 @@ fn systems() -> Plot {
         .y(Axis::new("rays traced")
             .unit("Mray/s, more is better")
             .include(0.0));
-    let dots = systems.iter().enumerate();
-    let dots = dots.map(|(i, &(name, at))| Series::dots(name, [at]).role(Role::nth(i)));
-    dots.fold(plot.series(front), Plot::series)
+    let dots = |name: &str, systems: &[(&str, (f64, f64))]| {
+        Series::dots(name, systems.iter().map(|system| system.1))
+            .labels(systems.iter().map(|system| system.0))
+    };
+    plot.series(front)
+        .series(dots("Splitcast", ours).role(Role::S1))
+        .series(dots("peers", peers).role(Role::S2))
 }
 
 /// `count` points of a function of 0 to 1.

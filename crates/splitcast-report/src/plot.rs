@@ -6,6 +6,7 @@
 
 mod describe;
 mod draw;
+mod label;
 mod layout;
 mod marks;
 mod number;
@@ -185,6 +186,7 @@ pub struct Series {
     name: String,
     kind: Kind,
     points: Vec<(f64, f64)>,
+    labels: Vec<String>,
     role: Option<Role>,
     dash: Dash,
 }
@@ -215,6 +217,15 @@ impl Series {
         Self::new(name, Kind::Bars, points)
     }
 
+    /// Writes a text beside each dot, in the order of the points. A label that would
+    /// cover dots or other labels wherever it stood is left out; the tooltips, which
+    /// begin with it, remain. Has no effect on anything but dots, and none in a plot
+    /// with so many of them that they have no tooltips either (over 300).
+    pub fn labels<T: Into<String>>(mut self, labels: impl IntoIterator<Item = T>) -> Self {
+        self.labels = labels.into_iter().map(Into::into).collect();
+        self
+    }
+
     /// Chooses the colour.
     pub fn role(mut self, role: Role) -> Self {
         self.role = Some(role);
@@ -227,11 +238,19 @@ impl Series {
         self
     }
 
+    /// The points with their labels, which are empty where there is none.
+    fn labelled(&self) -> impl Iterator<Item = ((f64, f64), &str)> {
+        let labels = self.labels.iter().map(String::as_str);
+        let labels = labels.chain(std::iter::repeat(""));
+        self.points.iter().copied().zip(labels)
+    }
+
     fn new(name: impl Into<String>, kind: Kind, points: Vec<(f64, f64)>) -> Self {
         Self {
             name: name.into(),
             kind,
             points,
+            labels: Vec::new(),
             role: None,
             dash: Dash::Solid,
         }

@@ -108,6 +108,14 @@ impl Cell {
         }
     }
 
+    /// Lets a value stand out, such as the best of its column.
+    pub fn strong(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            mark: Mark::Strong,
+        }
+    }
+
     /// Lets a value stand back.
     pub fn muted(text: impl Into<String>) -> Self {
         Self {
@@ -131,6 +139,7 @@ pub(crate) enum Mark {
     None,
     Good,
     Short,
+    Strong,
     Muted,
 }
 
@@ -140,6 +149,7 @@ impl Mark {
             Mark::None => "",
             Mark::Good => "good",
             Mark::Short => "short",
+            Mark::Strong => "strong",
             Mark::Muted => "muted",
         }
     }

@@ -45,6 +45,7 @@ fn page(text: &str) -> Page {
         Cell::good(text),
         Cell::short(text),
         Cell::muted(text),
+        Cell::strong(text),
     ])
     .row([text]);
     let section = Section::new(text)
@@ -152,7 +153,7 @@ fn rows_are_filled_to_the_same_width() {
     let widths: Vec<_> = rows
         .map(|row| row.children().filter(|c| c.is_element()).count())
         .collect();
-    assert_eq!(widths, [4, 4, 4]);
+    assert_eq!(widths, [5, 5, 5]);
 }
 
 #[test]

@@ -2,14 +2,15 @@
 
 use std::fmt::Write;
 
+use super::label::{self, Dot};
 use super::layout::{self, Key, Layout, Line, SAMPLE, SLOPE, Style, TICK};
 use super::marks::{self, Num};
 use super::scale::Scale;
 use super::{Dash, Kind, Plot, Series, describe, number, text};
 use crate::escape::Escaped;
-use crate::palette::{self, INK, Paint, Role};
+use crate::palette::{self, INK, PAPER, Paint, Role};
 
-/// Dots of a plot that have tooltips: more would be most of the file.
+/// Dots of a plot that have tooltips and labels: more would be most of the file.
 const MAX_TOOLTIPS: usize = 300;
 
 /// The plot as an `<svg>` element that holds `style` after its description.
@@ -62,6 +63,7 @@ fn draw(plot: &Plot, layout: &Layout, style: &str, out: &mut String) -> std::fmt
             for (index, series) in plot.series.iter().enumerate() {
                 view.series(series, role(series, index), out)?;
             }
+            view.labels(out)?;
             view.legend(out)?;
         }
         None => no_data(plot, layout, out)?,
@@ -219,14 +221,13 @@ impl View<'_> {
     }
 
     fn series(&self, series: &Series, role: Role, out: &mut String) -> std::fmt::Result {
-        let paint = Paint::Role(role);
-        let places = self.places(&series.points);
-        let corners = match series.kind {
-            Kind::Bars => return Ok(()),
-            Kind::Dots => return self.dots(series, role, out),
-            Kind::Step => marks::steps(&places),
-            Kind::Line => places.clone(),
+        if series.kind == Kind::Dots {
+            return self.dots(series, role, out);
+        }
+        let Some(corners) = self.corners(series) else {
+            return Ok(());
         };
+        let paint = Paint::Role(role);
         let path = marks::polyline(&corners, self.layout.area);
         if !path.is_empty() {
             write!(
@@ -236,6 +237,7 @@ impl View<'_> {
                 stroke(series.dash)
             )?;
         }
+        let places = self.places(&series.points);
         let mut lone = self.visible(marks::lone_points(&places)).peekable();
         if lone.peek().is_some() {
             write!(out, r#"<g class="dots" {}>"#, paint.attributes("fill"))?;
@@ -248,20 +250,14 @@ impl View<'_> {
     }
 
     fn dots(&self, series: &Series, role: Role, out: &mut String) -> std::fmt::Result {
-        let dots = self
-            .plot
-            .series
-            .iter()
-            .filter(|series| series.kind == Kind::Dots);
-        let tooltips = dots.map(|series| series.points.len()).sum::<usize>() <= MAX_TOOLTIPS;
+        let tooltips = self.has_tooltips();
         write!(out, r#"<g class="dots" {}>"#, marker_paint(role))?;
-        for &(x, y) in &series.points {
-            let place = self.place((x, y));
-            let Some(place) = place.filter(|&at| marks::is_inside(at, self.layout.area)) else {
+        for ((x, y), label) in series.labelled() {
+            let Some(place) = self.visible_place((x, y)) else {
                 continue;
             };
             let values = format!("{}, {}", number::short(x), number::short(y));
-            let tooltip = tooltips.then(|| tooltip([series.name.as_str(), ""], &values));
+            let tooltip = tooltips.then(|| tooltip([label, series.name.as_str()], &values));
             write!(
                 out,
                 "{}",
@@ -269,6 +265,43 @@ impl View<'_> {
             )?;
         }
         write!(out, "</g>")
+    }
+
+    /// The labels of all dots, above everything that is drawn, on a rim of paper.
+    fn labels(&self, out: &mut String) -> std::fmt::Result {
+        let series = || self.plot.series.iter();
+        if !self.has_tooltips() || series().all(|series| series.labels.is_empty()) {
+            return Ok(());
+        }
+        let dots = series().filter(|series| series.kind == Kind::Dots);
+        let dots = dots.flat_map(Series::labelled);
+        let dot = |(point, text)| Some((self.visible_place(point)?, text));
+        let dots: Vec<_> = (dots.filter_map(dot))
+            .map(|(at, text)| Dot { at, text })
+            .collect();
+        let lines = series().filter_map(|series| self.corners(series));
+        let labels = label::place(&dots, &lines.collect::<Vec<_>>(), self.layout.area);
+        let (name, light) = (PAPER.name, PAPER.light);
+        write!(
+            out,
+            r#"<g class="labels" fill="currentColor" font-size="{TICK}" stroke="{light}" stroke-width="3" stroke-linejoin="round" paint-order="stroke" style="stroke:var(--{name},{light})" pointer-events="none">"#
+        )?;
+        for (dot, label) in dots.iter().zip(labels) {
+            let Some(label) = label else { continue };
+            let (x, y, text) = (Num(label.x), Num(label.y), Escaped(dot.text));
+            let anchor = label.anchor.name();
+            write!(
+                out,
+                r#"<text x="{x}" y="{y}" text-anchor="{anchor}">{text}</text>"#
+            )?;
+        }
+        write!(out, "</g>")
+    }
+
+    fn has_tooltips(&self) -> bool {
+        let dots = self.plot.series.iter();
+        let dots = dots.filter(|series| series.kind == Kind::Dots);
+        dots.map(|series| series.points.len()).sum::<usize>() <= MAX_TOOLTIPS
     }
 
     fn legend(&self, out: &mut String) -> std::fmt::Result {
@@ -315,6 +348,16 @@ impl View<'_> {
         write!(out, "</g>")
     }
 
+    /// The corners of a line, `None` for what is not one.
+    fn corners(&self, series: &Series) -> Option<Vec<Option<(f64, f64)>>> {
+        let places = self.places(&series.points);
+        match series.kind {
+            Kind::Line => Some(places),
+            Kind::Step => Some(marks::steps(&places)),
+            Kind::Dots | Kind::Bars => None,
+        }
+    }
+
     fn places(&self, points: &[(f64, f64)]) -> Vec<Option<(f64, f64)>> {
         points.iter().map(|&point| self.place(point)).collect()
     }
@@ -325,6 +368,13 @@ impl View<'_> {
         let (x, y) = (self.x.place(x)?, self.y.place(y)?);
         let across = area.left + (area.right - area.left) * x;
         Some((across, area.bottom - (area.bottom - area.top) * y))
+    }
+
+    /// Where a point stands in the area, `None` if it is not seen.
+    fn visible_place(&self, point: (f64, f64)) -> Option<(f64, f64)> {
+        let area = self.layout.area;
+        self.place(point)
+            .filter(|&place| marks::is_inside(place, area))
     }
 
     fn at_x(&self, value: f64) -> f64 {

@@ -101,7 +101,7 @@ pub(super) fn is_inside((x, y): (f64, f64), area: Area) -> bool {
 }
 
 /// The part of the segment from `a` to `b` that is in the area (Liang & Barsky 1984).
-fn clip(a: (f64, f64), b: (f64, f64), area: Area) -> Option<((f64, f64), (f64, f64))> {
+pub(super) fn clip(a: (f64, f64), b: (f64, f64), area: Area) -> Option<((f64, f64), (f64, f64))> {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     let sides = [
         (-dx, a.0 - area.left),

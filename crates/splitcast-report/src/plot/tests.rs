@@ -46,6 +46,23 @@ fn corners(path: &str) -> Vec<(f64, f64)> {
     commands.map(step).collect()
 }
 
+/// The estimated extents of the labels beside dots: left, top, right and bottom.
+fn label_boxes(document: &Document<'_>) -> Vec<[f64; 4]> {
+    let groups = by_class(document, "labels").into_iter();
+    let extents = groups.flat_map(|group| group.children()).map(|label| {
+        let width = text::width(label.text().unwrap_or_default().trim(), layout::TICK);
+        let (x, y) = (attribute(label, "x"), attribute(label, "y"));
+        let left = match label.attribute("text-anchor") {
+            Some("start") => x,
+            Some("middle") => x - width / 2.0,
+            _ => x - width,
+        };
+        let [top, bottom] = [y - 0.7 * layout::TICK, y + 0.2 * layout::TICK];
+        [left, top, left + width, bottom]
+    });
+    extents.collect()
+}
+
 /// Checks all that needs no knowledge of what was drawn.
 fn check(svg: &str) {
     let document = parse(svg);
@@ -120,6 +137,10 @@ fn check(svg: &str) {
         inside(x, y);
         inside(x + attribute(bar, "width"), y + attribute(bar, "height"));
     }
+    for [left, top, right, bottom] in label_boxes(&document) {
+        inside(left, top);
+        inside(right, bottom);
+    }
     for (class, name, sign) in [("x-ticks", "x", 1.0), ("y-ticks", "y", -1.0)] {
         let ticks = by_class(&document, class)
             .into_iter()
@@ -164,7 +185,10 @@ fn series() -> impl Strategy<Value = Series> {
     let points = prop::collection::vec((value(), value()), 0..12);
     (0..4, points, "[a-hj-z<&\"\0]{0,40}").prop_map(|(kind, points, name)| match kind {
         0 => Series::line(name, points),
-        1 => Series::dots(name, points).role(Role::S1),
+        1 => {
+            let labels = vec![name.clone(); points.len() / 2];
+            Series::dots(name, points).role(Role::S1).labels(labels)
+        }
         2 => Series::step(name, points).dash(Dash::Dotted),
         _ => Series::bars(name, points.into_iter().map(|p| p.1)),
     })
@@ -368,4 +392,54 @@ fn bars_share_their_place_and_stand_on_zero() {
     assert!(end(bars[0]) <= attribute(bars[2], "x"));
     let foot = attribute(bars[0], "y") + attribute(bars[0], "height");
     assert!((foot - attribute(bars[1], "y")).abs() < 0.02);
+}
+
+#[test]
+fn labels_of_a_crowd_cover_neither_each_other_nor_dots() {
+    // A spiral: dense in the middle.
+    let point = |i: u32| {
+        let (angle, radius) = (f64::from(i) * 0.9, f64::from(i * i));
+        (500.0 + radius * angle.cos(), 500.0 + radius * angle.sin())
+    };
+    let plot = Plot::new("")
+        .size(460.0, 300.0)
+        .series(
+            Series::dots("crowd", (0..25).map(point))
+                .role(Role::S1)
+                .labels((0..25).map(|i| format!("system number {i}"))),
+        )
+        .series(Series::line("line", [(0.0, 500.0), (1000.0, 500.0)]));
+    let svg = plot.to_svg();
+    check(&svg);
+    assert_eq!(svg, plot.to_svg());
+    let document = parse(&svg);
+    let boxes = label_boxes(&document);
+    assert!(boxes.len() >= 12, "{} labels", boxes.len());
+    let overlap =
+        |a: &[f64; 4], b: &[f64; 4]| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+    for (at, a) in boxes.iter().enumerate() {
+        assert!(boxes[at + 1..].iter().all(|b| !overlap(a, b)), "{svg}");
+        for dot in by_class(&document, "dots")[0].children() {
+            let (x, y) = (attribute(dot, "cx"), attribute(dot, "cy"));
+            assert!(!overlap(a, &[x - 3.4, y - 3.4, x + 3.4, y + 3.4]), "{svg}");
+        }
+    }
+}
+
+#[test]
+fn labels_are_text_and_begin_their_tooltips() {
+    let svg = Plot::new("")
+        .series(Series::dots("group", [(1.0, 1.0), (2.0, 2.0)]).labels(["<a> & b"]))
+        .to_svg();
+    check(&svg);
+    assert!(svg.contains(">&lt;a&gt; &amp; b</text>"));
+    assert!(svg.contains("<title>&lt;a&gt; &amp; b, group: 1, 1</title>"));
+    assert!(svg.contains("<title>group: 2, 2</title>"));
+    assert_eq!(label_boxes(&parse(&svg)).len(), 1);
+
+    let many = (0..301).map(|i| (f64::from(i), 0.0));
+    let svg = Plot::new("")
+        .series(Series::dots("group", many).labels(["label"]))
+        .to_svg();
+    assert!(!svg.contains("label"));
 }

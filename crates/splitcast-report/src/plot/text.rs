@@ -3,7 +3,7 @@
 
 /// Estimated width of `text` set at `size`.
 pub(super) fn width(text: &str, size: f64) -> f64 {
-    let em = |c| match c {
+    let em = |c: char| match c {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | '·' => 0.3,
         ' ' | 'f' | 'r' | 't' | '(' | ')' | '[' | ']' | '/' | '-' => 0.38,
         '\u{2009}' => 0.2,
@@ -13,6 +13,8 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
         // Hangul, kana, ideographs and most symbols are as wide as they are high.
         '\u{1100}'.. => 1.0,
         '0'..='9' => 0.64,
+        // Shown as U+FFFD.
+        c if c.is_control() => 1.0,
         _ => 0.62,
     };
     text.chars().map(em).sum::<f64>() * size

@@ -412,9 +412,9 @@ fn method() -> Section {
         .paragraph(
             "All systems get the same frames and the same rays. In each frame they take turns, in \
              an order that shifts with every frame and round, so that drift of the machine hits all \
-             alike; on its turn a system updates and then traces all sets of rays. Their threads are \
-             pinned where the operating system lets them be, and libraries that have threads of \
-             their own get as many.",
+             alike; on its turn a system updates and then traces all sets of rays. A single thread \
+             stays on one processor, several are left to the operating system, and libraries \
+             that have threads of their own get as many.",
         )
         .paragraph(
             "Before the clock starts, two frames warm everything up; where a system has several \

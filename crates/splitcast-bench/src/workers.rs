@@ -1,4 +1,4 @@
-//! The threads that all systems share, each pinned to a processor of its own.
+//! The threads that all systems share.
 
 use rayon::prelude::*;
 
@@ -9,17 +9,20 @@ use crate::system::{HitChunk, RayChunk, Tracer};
 const CHUNK_RAYS: usize = 4096;
 const CHUNK_BLOCKS: usize = CHUNK_RAYS / LANES;
 
-/// A pool of so many threads. Where the system allows it, each stays on one processor.
+/// A pool of so many threads. A single one stays on one processor, where the system
+/// allows it. Several are left to the operating system: libraries with threads of their own
+/// would inherit the place of the thread that starts them, and share one processor.
 ///
 /// # Errors
 /// If the threads cannot be started.
 pub fn pool(threads: usize) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
-    let processors = core_affinity::get_core_ids().unwrap_or_default();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.start_handler(move |worker| {
-        // More threads than processors are left to the operating system.
-        if threads <= processors.len() {
-            core_affinity::set_for_current(processors[worker]);
+    pool.start_handler(move |_| {
+        if threads == 1
+            // The first processor is the one that is most often interrupted.
+            && let Some(last) = core_affinity::get_core_ids().and_then(|ids| ids.last().copied())
+        {
+            core_affinity::set_for_current(last);
         }
     })
     .build()

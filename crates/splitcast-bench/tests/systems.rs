@@ -162,3 +162,15 @@ fn systems_have_names_of_their_own_and_yardsticks_of_their_family() {
         assert_eq!(found.unwrap().yardstick, None);
     }
 }
+
+/// Loading a library must not move the threads that are made later onto one processor.
+#[test]
+fn looking_for_systems_leaves_the_threads_where_they_are() {
+    let before = core_affinity::get_core_ids();
+    let catalog = Catalog::new();
+    for entry in &catalog.entries {
+        // What cannot be made says so elsewhere.
+        let _ = (entry.make)(2);
+    }
+    assert_eq!(core_affinity::get_core_ids(), before);
+}

@@ -2,7 +2,7 @@
 //!
 //! It lists all triangles in the leaves that a ray passes, from which the closest
 //! hit has to be found; neither order nor an end of the ray can be had. It builds on threads
-//! of its own, which share the processor that the calling thread is pinned to.
+//! of its own, as many as there are processors; beside a single thread they share its one.
 
 use cgmath::Vector3;
 use kdtree_ray::{AABB, Bounded, KDTree};

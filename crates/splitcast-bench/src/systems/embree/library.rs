@@ -329,7 +329,7 @@ unsafe impl Sync for Device {}
 impl Device {
     /// A device with so many threads, the one that commits included.
     pub(super) fn new(embree: &Arc<Embree>, threads: usize) -> Result<Self, String> {
-        let configuration = CString::new(format!("threads={threads},set_affinity=1"))
+        let configuration = CString::new(format!("threads={threads}"))
             .expect("the configuration has no zero in it");
         // SAFETY: the text ends in zero and is read only during the call.
         let handle = unsafe { (embree.functions.new_device)(configuration.as_ptr()) };

@@ -26,7 +26,9 @@ use crate::workers::pool;
 /// Frames in which rays are traced, and updates that are made, if nothing else is asked for.
 const SAMPLES: usize = 10;
 
-/// The page's file name.
+/// The names of the files in the folder.
+const RESULTS: &str = "results.json";
+const FRAMES: &str = "frames.json";
 const PAGE: &str = "report.html";
 
 /// What is up in a picture.
@@ -137,7 +139,7 @@ fn run(args: &Args) -> Result<(), CommandError> {
     threads.dedup();
     let mut kinds = RaySetKind::ALL.to_vec();
     kinds.retain(|kind| args.rays.is_empty() || args.rays.contains(kind));
-    let folder = ResultFolder::check(&args.out, args.json.as_deref())?;
+    let folder = ResultFolder::check(&args.out, &[FRAMES, PAGE], args.json.as_deref())?;
     let inputs = if args.input.is_empty() {
         builtin::names().map(PathBuf::from).collect()
     } else {
@@ -182,30 +184,38 @@ fn run(args: &Args) -> Result<(), CommandError> {
         for &threads in &threads {
             let measured = scene.measure(&catalog, &report.kinds, args, threads)?;
             let rows = Row::of_scene(&measured, &report.kinds);
-            writeln!(
-                out,
-                "\n{}, {} triangles, {}, {}\n{}{}",
-                measured.scene,
-                table::grouped(measured.triangles),
-                count(measured.frames, "frame"),
-                count(threads, "thread"),
-                terminal::systems(&rows, &report.kinds),
-                terminal::LEGEND,
-            )?;
-            for line in troubles(&measured) {
-                writeln!(out, "{line}")?;
-            }
+            let text = scene_text(&measured, &rows, &report.kinds);
             report.ratios.extend(Ratio::of_rows(&rows, &report.kinds));
             report.rows.extend(rows);
             report.scenes.push(measured);
-            // After every scene: what was measured is kept if the next one fails.
+            // After every scene, and before anything is printed: what was measured is kept if
+            // the next one fails, or if nobody reads on.
             report.write(&folder, args.json.as_deref())?;
+            out.write_all(text.as_bytes())?;
         }
     }
     if !report.ratios.is_empty() {
         write!(out, "\n{}", terminal::ratios(&report.ratios, &report.kinds))?;
     }
     Ok(writeln!(out, "{}", folder.path(PAGE).display())?)
+}
+
+/// What is printed of a scene.
+fn scene_text(measured: &SceneMeasurement, rows: &[Row], kinds: &[RaySetKind]) -> String {
+    let mut text = format!(
+        "\n{}, {} triangles, {}, {}\n{}{}\n",
+        measured.scene,
+        table::grouped(measured.triangles),
+        count(measured.frames, "frame"),
+        count(measured.threads, "thread"),
+        terminal::systems(rows, kinds),
+        terminal::LEGEND,
+    );
+    for line in troubles(measured) {
+        text.push_str(&line);
+        text.push('\n');
+    }
+    text
 }
 
 /// What went wrong with systems, in a line each.
@@ -335,10 +345,10 @@ impl Report {
             ratios: &self.ratios,
             troubles: troubles.collect(),
         });
-        folder.write("results.json", results.as_bytes())?;
+        folder.write(RESULTS, results.as_bytes())?;
         let frames = serde_json::to_string(&self.scenes)
             .expect("structures with named fields can always be written as JSON");
-        folder.write("frames.json", frames.as_bytes())?;
+        folder.write(FRAMES, frames.as_bytes())?;
         folder.write(PAGE, page::page(self).as_bytes())?;
         if let Some(json) = json {
             write_file(json, results.as_bytes())?;

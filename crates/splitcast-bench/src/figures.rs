@@ -71,8 +71,8 @@ impl<'r> SceneView<'r> {
     }
 
     /// Where systems stand by a kind of rays, right or wrong as their hits may be.
-    fn standings(&self, kind: RaySetKind, agrees: bool) -> Vec<Standing<'r>> {
-        let rows = self.rows.iter().filter(|row| row.agrees == agrees);
+    fn standings(&self, kind: RaySetKind, sound: bool) -> Vec<Standing<'r>> {
+        let rows = self.rows.iter().filter(|row| row.is_sound() == sound);
         let standing = |row: &&'r Row| {
             Some(Standing {
                 system: &row.system,
@@ -94,7 +94,7 @@ impl<'r> SceneView<'r> {
             let name = &row.system[..];
             (fronts.contains(&name) || row.is_ours()).then_some(!fronts.contains(&name))
         };
-        let right = self.rows.iter().filter(|row| row.agrees);
+        let right = self.rows.iter().filter(|row| row.is_sound());
         let known = right.filter_map(|row| Some((place(row)?, self.measured(&row.system)?)));
         let mut shown: Vec<_> = known
             .map(|(place, system)| {
@@ -112,7 +112,7 @@ impl<'r> SceneView<'r> {
     fn against_yardsticks(&self) -> Vec<(&'r SystemMeasurement, &'r SystemMeasurement)> {
         let right = |name: &str| {
             let row = self.rows.iter().find(|row| row.system == name)?;
-            self.measured(name).filter(|_| row.agrees)
+            self.measured(name).filter(|_| row.is_sound())
         };
         let pair = |info: &SystemInfo| Some((right(&info.name)?, right(info.yardstick.as_ref()?)?));
         self.systems.iter().filter_map(pair).collect()

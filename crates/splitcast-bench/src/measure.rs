@@ -1,10 +1,10 @@
 //! The measurement: every system follows the same frames and traces the same rays.
 //!
-//! A frame's systems take turns, in an order that shifts by one with every frame
-//! and every round, so that a drift of the machine's speed hits all alike. On its
-//! turn a system updates and then traces all sets of rays, as a renderer would:
-//! its tree is as warm in the caches as its own update left it, and what the
-//! system before it left there is gone.
+//! A frame's systems take turns in an order that rotates, so that a drift of the
+//! machine's speed hits all alike. On its turn a system updates and then traces all
+//! sets of rays, as a renderer would: its tree is as warm in the caches as its own
+//! update left it, and what the system before it left there is gone. What it found
+//! is compared when its turn is over.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, LazyLock};
@@ -93,12 +93,19 @@ pub struct SystemMeasurement {
     pub failure: Option<String>,
 }
 
+impl SystemMeasurement {
+    /// Whether the system followed all frames with right hits.
+    pub fn is_sound(&self) -> bool {
+        self.failure.is_none() && self.agreement.iter().all(Agreement::agrees)
+    }
+}
+
 /// One update, and the rays traced behind it.
 #[derive(Clone, Debug, Serialize)]
 pub struct UpdateSample {
     /// Number of the frame.
     pub frame: usize,
-    /// Time of the update, until rays can be traced, and of giving memory back behind them.
+    /// Time of the update, until rays can be traced, and of giving memory back afterwards.
     pub update_ms: f64,
     /// Times of the sets in their order; empty if none was traced.
     pub traces: Vec<TraceSample>,
@@ -136,6 +143,9 @@ impl Plan {
 ///
 /// # Errors
 /// [`MeasureError`]; systems that fail do not end the measurement.
+///
+/// # Panics
+/// If rays are to be traced in each 0th frame.
 pub fn measure(
     source: &mut dyn FrameSource,
     entries: &[CatalogEntry],
@@ -153,6 +163,9 @@ pub fn measure(
         .map(|entry| Contender::new(entry, plan))
         .collect();
     let mut largest = 0;
+    // One for each set, shared by all: what a system finds is looked at when its turn is over.
+    let mut outputs: Vec<TraceOutput> = Vec::new();
+    outputs.resize_with(plan.rays.len(), TraceOutput::default);
 
     // Checks, the choice of modes and memory come before any time that counts.
     let first = PaddedFrame::read(source, sequence[0], None)?;
@@ -162,7 +175,7 @@ pub fn measure(
         Stage::new(&second, picture, &plan.rays)?,
     ];
     for contender in &mut contenders {
-        contender.prepare(&stages, plan);
+        contender.prepare(&stages, &mut outputs, plan);
     }
     drop(stages);
     step();
@@ -179,8 +192,8 @@ pub fn measure(
             let is_traced = place % plan.every == 1 % plan.every && place > 0;
             let kinds = if is_traced { &plan.rays[..] } else { &[] };
             let stage = Stage::new(&frame, picture, kinds)?;
-            for turn in turns(contenders.len(), round + place) {
-                contenders[turn].take_turn(&stage, place > 0);
+            for turn in turns(contenders.len(), round, place) {
+                contenders[turn].take_turn(&stage, &mut outputs, place > 0);
             }
             before = Some(frame);
             step();
@@ -198,9 +211,19 @@ pub fn measure(
     })
 }
 
-/// All indices below `count`, starting with `first` and wrapping around.
-fn turns(count: usize, first: usize) -> impl Iterator<Item = usize> {
-    (0..count).map(move |turn| (first + turn) % count)
+/// An order of all indices below `count`: the first one moves on by one with every frame and
+/// round, and from frame to frame they follow each other in other steps, so that nobody is always
+/// behind the same one.
+fn turns(count: usize, round: usize, place: usize) -> impl Iterator<Item = usize> {
+    // Steps without a divisor in common with the count reach everybody.
+    let steps = || (1..count.max(2)).filter(move |&step| gcd(step, count) == 1);
+    let (first, number) = (round + place, steps().count().max(1));
+    let step = steps().nth(first.wrapping_mul(7) % number).unwrap_or(1);
+    (0..count).map(move |turn| (first + turn * step) % count)
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// A frame as it is handed to the systems.
@@ -241,7 +264,7 @@ struct Stage<'f> {
     number: usize,
     frame: FrameMesh<'f>,
     sets: Vec<RaySet>,
-    truths: Vec<Truth>,
+    truths: Vec<Truth<'f>>,
 }
 
 impl<'f> Stage<'f> {
@@ -286,7 +309,6 @@ struct Contender<'e> {
     system: Option<Box<dyn System>>,
     /// The mode of each set.
     modes: Vec<usize>,
-    output: TraceOutput,
     measurement: SystemMeasurement,
 }
 
@@ -297,7 +319,6 @@ impl<'e> Contender<'e> {
             clock: plan.clock,
             system: None,
             modes: vec![0; plan.rays.len()],
-            output: TraceOutput::default(),
             measurement: SystemMeasurement {
                 name: entry.name.clone(),
                 modes: Vec::new(),
@@ -320,77 +341,70 @@ impl<'e> Contender<'e> {
 
     /// Follows two frames with a fresh system: takes its memory, chooses its
     /// modes, checks its hits. Warms everything up, too.
-    fn prepare(&mut self, stages: &[Stage<'_>; 2], plan: &Plan) {
+    fn prepare(&mut self, stages: &[Stage<'_>; 2], outputs: &mut [TraceOutput], plan: &Plan) {
         let make = &self.entry.make;
-        let mut output = std::mem::take(&mut self.output);
         self.guarded(|contender| {
-            let (made, mut bytes) = held_by(|| make(plan.threads));
+            let (made, mut held) = held_by(|| make(plan.threads));
             let mut system = made?;
-            let mut held_at_most = 0;
-            for (place, stage) in stages.iter().enumerate() {
-                let (tracer, held) = held_by(|| system.update(stage.frame));
+            let mut trials = vec![Vec::new(); plan.rays.len()];
+            for stage in stages {
+                let (tracer, change) = held_by(|| system.update(stage.frame));
                 let tracer = tracer?;
-                bytes += held;
-                for (index, (set, truth)) in stage.sets.iter().zip(&stage.truths).enumerate() {
-                    let modes = tracer.modes(set.kind);
-                    if place == 0 {
-                        contender.modes[index] =
-                            fastest_mode(&*tracer, set, &mut output, plan.clock);
-                        contender
-                            .measurement
-                            .modes
-                            .push(modes[contender.modes[index]]);
-                    }
-                    output.clear(set);
-                    trace(&*tracer, contender.modes[index], set, &mut output);
-                    contender.measurement.agreement[index].add(
-                        stage.frame.mesh,
+                held += change;
+                let (choices, sets) = (&mut contender.modes, stage.sets.iter());
+                for (index, set) in sets.enumerate() {
+                    try_modes(
+                        &*tracer,
                         set,
-                        truth,
-                        &output,
+                        &mut outputs[index],
+                        plan.clock,
+                        &mut trials[index],
                     );
+                    choices[index] = fastest(&trials[index]);
+                    outputs[index].clear(set);
+                    trace(&*tracer, choices[index], set, &mut outputs[index]);
                 }
-                held_at_most = held_at_most.max(bytes);
-                bytes += held_by(|| drop(tracer)).1;
+                let modes = |(set, &mode): (&RaySet, &usize)| tracer.modes(set.kind)[mode];
+                contender.measurement.modes =
+                    stage.sets.iter().zip(&contender.modes).map(modes).collect();
+                let ((), change) = held_by(|| drop(tracer));
+                let bytes = held.max(0) as usize + system.foreign_bytes();
+                held += change;
+                contender.measurement.bytes = contender.measurement.bytes.max(bytes);
+                contender.judge(stage, outputs);
             }
-            let foreign = system.foreign_bytes();
-            contender.measurement.bytes = held_at_most as usize + foreign;
             Ok(())
         });
-        self.output = output;
     }
 
     /// Updates to a frame and traces its rays. What comes of it counts only if it is an update.
-    fn take_turn(&mut self, stage: &Stage<'_>, counts: bool) {
+    fn take_turn(&mut self, stage: &Stage<'_>, outputs: &mut [TraceOutput], counts: bool) {
         let Some(mut system) = self.system.take() else {
             return;
         };
-        let mut output = std::mem::take(&mut self.output);
+        // Before the update, so that what it leaves in the caches is still there when rays come.
+        for (set, output) in stage.sets.iter().zip(&mut *outputs) {
+            output.clear(set);
+        }
         self.system = self.guarded(|contender| {
             let clock = contender.clock;
             let started = clock();
             let tracer = system.update(stage.frame)?;
             let mut update = clock() - started;
             let mut traces = Vec::with_capacity(stage.sets.len());
-            for (index, set) in stage.sets.iter().enumerate() {
-                output.clear(set);
+            for (index, (set, output)) in stage.sets.iter().zip(&mut *outputs).enumerate() {
                 let started = clock();
-                trace(&*tracer, contender.modes[index], set, &mut output);
+                trace(&*tracer, contender.modes[index], set, output);
                 traces.push(TraceSample {
                     rays: set.rays.len(),
                     ms: milliseconds(clock() - started),
                 });
-                contender.measurement.agreement[index].add(
-                    stage.frame.mesh,
-                    set,
-                    &stage.truths[index],
-                    &output,
-                );
             }
             let sah_cost = (!traces.is_empty()).then(|| tracer.sah_cost()).flatten();
             let started = clock();
             drop(tracer);
             update += clock() - started;
+            contender.judge(stage, outputs);
             if counts {
                 contender.measurement.updates.push(UpdateSample {
                     frame: stage.number,
@@ -401,7 +415,15 @@ impl<'e> Contender<'e> {
             }
             Ok(system)
         });
-        self.output = output;
+    }
+
+    /// Compares what the system found with what is there.
+    fn judge(&mut self, stage: &Stage<'_>, outputs: &[TraceOutput]) {
+        let found = stage.sets.iter().zip(&stage.truths).zip(outputs);
+        for (agreement, ((set, truth), output)) in self.measurement.agreement.iter_mut().zip(found)
+        {
+            agreement.add(set, truth, output);
+        }
     }
 
     /// Runs what may fail, or panic inside of a library; notes why it did.
@@ -421,16 +443,18 @@ impl<'e> Contender<'e> {
     }
 }
 
-/// The mode that takes the least time; every one is warmed up by its first trial.
-fn fastest_mode(
+/// Adds the least of some trials to the time of each mode. Every one is warmed up by its first.
+fn try_modes(
     tracer: &dyn Tracer,
     set: &RaySet,
     output: &mut TraceOutput,
     clock: fn() -> Duration,
-) -> usize {
+    times: &mut Vec<Duration>,
+) {
     let modes = tracer.modes(set.kind).len();
+    times.resize(modes, Duration::ZERO);
     if modes < 2 {
-        return 0;
+        return;
     }
     let mut least = vec![Duration::MAX; modes];
     for _ in 0..TRIALS {
@@ -441,10 +465,42 @@ fn fastest_mode(
             *least = (clock() - started).min(*least);
         }
     }
-    let fastest = (0..modes).min_by_key(|&mode| least[mode]);
+    times
+        .iter_mut()
+        .zip(least)
+        .for_each(|(time, least)| *time += least);
+}
+
+fn fastest(times: &[Duration]) -> usize {
+    let modes = 0..times.len();
+    let fastest = modes.min_by_key(|&mode| times[mode]);
     fastest.expect("there is at least one mode")
 }
 
 fn milliseconds(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn everybody_has_one_turn_goes_first_and_follows_others() {
+        for count in 1..25 {
+            let (mut firsts, mut pairs) = (HashSet::new(), HashSet::new());
+            for place in 0..2 * count * count {
+                let order: Vec<usize> = turns(count, 3, place).collect();
+                let all: HashSet<usize> = order.iter().copied().collect();
+                assert_eq!((order.len(), all.len()), (count, count));
+                firsts.insert(order[0]);
+                pairs.extend(order.windows(2).map(|pair| (pair[0], pair[1])));
+            }
+            assert_eq!(firsts.len(), count);
+            let steps = (1..count).filter(|&step| gcd(step, count) == 1).count();
+            assert_eq!(pairs.len(), count * steps, "of {count} systems");
+        }
+    }
 }

@@ -119,23 +119,17 @@ fn with_update(rays: &str) -> String {
 
 /// Who is not compared, and where.
 fn left_out(report: &Report) -> String {
-    let wrong = report.systems.iter().filter_map(|system| {
-        let rows = report.rows.iter().filter(|row| row.system == system.name);
-        let places = rows.clone().filter(|row| !row.agrees);
-        let places: Vec<String> = places.map(|row| place(&row.scene, row.threads)).collect();
-        match places.len() {
-            0 => None,
-            all if all == rows.count() => Some(system.name.clone()),
-            _ => Some(format!("{} on {}", system.name, places.join(" and "))),
-        }
+    let unsound = report.scenes.iter().flat_map(|scene| {
+        let systems = scene.systems.iter().filter(|system| !system.is_sound());
+        systems.map(|system| format!("{} on {}", system.name, place(&scene.scene, scene.threads)))
     });
-    let wrong: Vec<String> = wrong.collect();
-    if wrong.is_empty() {
-        "The hits of all systems are right, so none is left out.".to_owned()
+    let unsound: Vec<String> = unsound.collect();
+    if unsound.is_empty() {
+        "All systems followed all frames with right hits, so none is left out.".to_owned()
     } else {
         format!(
-            "Systems that miss hits or invent them are measured, but not compared: {}.",
-            wrong.join("; ")
+            "Systems that gave up, or miss hits or invent them, are measured, but not compared: {}.",
+            unsound.join("; ")
         )
     }
 }
@@ -207,10 +201,10 @@ impl<'a> FigureColumn<'a> {
         }
     }
 
-    /// The best figure of systems with right hits.
+    /// The best figure of sound systems.
     fn best(&self, rows: &[&Row]) -> Option<f64> {
         let more_is_better = self.more_is_better?;
-        let values = rows.iter().filter(|row| row.agrees);
+        let values = rows.iter().filter(|row| row.is_sound());
         values
             .filter_map(|row| (self.value)(row))
             .reduce(match more_is_better {
@@ -222,7 +216,7 @@ impl<'a> FigureColumn<'a> {
     fn cell(&self, row: &Row, best: Option<f64>) -> Cell {
         match (self.value)(row) {
             None => NONE.into(),
-            Some(value) if !row.agrees => Cell::muted(figure(value)),
+            Some(value) if !row.is_sound() => Cell::muted(figure(value)),
             // Whatever reads the same as the best is as good as it.
             Some(value) if best.map(figure) == Some(figure(value)) => Cell::strong(figure(value)),
             Some(value) => figure(value).into(),
@@ -247,9 +241,9 @@ fn by_system(rows: &[&Row], columns: &[FigureColumn<'_>]) -> Table {
 }
 
 fn system_cell(row: &Row) -> Cell {
-    match row.agrees {
-        true => row.system.clone().into(),
-        false => Cell::muted(format!("{} (wrong hits)", row.system)),
+    match row.is_sound() {
+        true => row.label().into(),
+        false => Cell::muted(row.label()),
     }
 }
 
@@ -411,10 +405,9 @@ fn method() -> Section {
     Section::new("How it was measured")
         .paragraph(
             "All systems get the same frames and the same rays. In each frame they take turns, in \
-             an order that shifts with every frame and round, so that drift of the machine hits all \
-             alike; on its turn a system updates and then traces all sets of rays. A single thread \
-             stays on one processor, several are left to the operating system, and libraries \
-             that have threads of their own get as many.",
+             an order that rotates, so that drift of the machine hits all alike; on its turn a system updates and then traces all sets of rays. A single thread \
+             stays on one processor, several are left to the operating system, and Embree, \
+             which has threads of its own, gets as many.",
         )
         .paragraph(
             "Before the clock starts, two frames warm everything up; where a system has several \
@@ -423,7 +416,7 @@ fn method() -> Section {
         .paragraph(format!(
             "Hits are checked in every frame in which rays are traced: a sample of each set ray by \
              ray with brute force, and the number of all hits and the sum of their distances to \
-             within {TOLERANCE:e}. FigureColumn are medians over the frames unless they say otherwise."
+             within {TOLERANCE:e}. Figures are medians over the frames unless they say otherwise."
         ))
 }
 
@@ -579,7 +572,7 @@ mod tests {
         let cells = texts(&parse(&html), "td");
         assert!(cells.contains(&"0.50".to_owned()), "{cells:?}");
         for told in [
-            "not compared: peer-cheat.",
+            "not compared: peer-cheat on scene, 2 threads.",
             "peer-cheat (wrong hits)",
             "peer-cheat disagrees on primary",
         ] {

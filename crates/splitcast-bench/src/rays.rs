@@ -38,7 +38,7 @@ pub enum RaySetKind {
     Ao,
     /// From the same points into the half space above, unlimited: closest hit.
     Diffuse,
-    /// Between random points of the scene's box: closest hit.
+    /// Between random points of the frame's box, half as many: closest hit.
     Random,
 }
 
@@ -185,6 +185,8 @@ fn primary(picture: &Picture) -> Vec<Ray> {
     let Picture { width, height, .. } = *picture;
     let aspect = width as f32 / height as f32;
     let mut rays = Vec::with_capacity((width * height) as usize);
+    // Squares that the border cuts off come last, so that all other blocks are whole squares.
+    let mut rest = Vec::new();
     // Squares of one size, cut off at the border, from left to right and from top to bottom.
     let squares = |from: [u32; 2], to: [u32; 2], side: u32| {
         (from[1]..to[1]).step_by(side as usize).flat_map(move |y| {
@@ -194,6 +196,8 @@ fn primary(picture: &Picture) -> Vec<Ray> {
     };
     for (from, to) in squares([0, 0], [width, height], TILE_SIDE) {
         for (from, to) in squares(from, to, BLOCK_SIDE) {
+            let whole = (to[0] - from[0]) * (to[1] - from[1]) == BLOCK_SIDE * BLOCK_SIDE;
+            let rays = if whole { &mut rays } else { &mut rest };
             for ([x, y], _) in squares(from, to, 1) {
                 let point = [
                     (x as f32 + 0.5) / width as f32,
@@ -203,6 +207,7 @@ fn primary(picture: &Picture) -> Vec<Ray> {
             }
         }
     }
+    rays.append(&mut rest);
     rays
 }
 
@@ -270,7 +275,7 @@ fn segments(bounds: &Aabb, count: usize, random: &mut ChaCha8Rng) -> Vec<Ray> {
     (0..count).map(|_| segment(point(), point())).collect()
 }
 
-/// The ray from one point to another; one without length hits nothing.
+/// The ray from one point to another.
 fn segment(from: [f32; 3], to: [f32; 3]) -> Ray {
     let way: [f32; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let length = dot(way, way).sqrt();
@@ -304,4 +309,86 @@ fn normalized(v: [f32; 3]) -> [f32; 3] {
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use splitcast::{BuildOptions, Mesh};
+    use splitcast_render::{DEFAULT_FOV_DEGREES, Perspective};
+
+    use super::*;
+
+    fn picture(width: u32, height: u32) -> Picture {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]];
+        let aspect = width as f32 / height as f32;
+        let view = Perspective::framing(&corners, [0.0, 1.0, 0.0], aspect, DEFAULT_FOV_DEGREES);
+        Picture {
+            camera: Camera::new(&view.expect("a view")).expect("a camera"),
+            width,
+            height,
+            bounds: Aabb::of_points(&corners),
+        }
+    }
+
+    #[test]
+    fn blocks_are_squares_of_pixels_whatever_the_size() {
+        let picture = picture(70, 9);
+        let rays = primary(&picture);
+        assert_eq!(rays.len(), 70 * 9);
+        let pixel = |ray: &Ray| {
+            let [x, y] = picture
+                .camera
+                .project(ray.at(1.0), 70.0 / 9.0)
+                .expect("in front");
+            [(x * 70.0) as u32, (y * 9.0) as u32]
+        };
+        let mut seen: Vec<[u32; 2]> = rays.iter().map(pixel).collect();
+        // 17 by 2 whole squares.
+        for block in seen.chunks(LANES).take(34) {
+            let [x, y] = block[0];
+            assert!(x.is_multiple_of(BLOCK_SIDE) && y.is_multiple_of(BLOCK_SIDE));
+            assert!(block.iter().all(|p| p[0] / 4 == x / 4 && p[1] / 4 == y / 4));
+        }
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), 70 * 9);
+    }
+
+    #[test]
+    fn rays_start_off_the_surface_that_is_seen_and_have_unit_length() {
+        let positions = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+        ];
+        let triangles = [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
+        let mesh = Mesh::new(&positions, &triangles).expect("indices are in range");
+        let tree = KdTree::build(mesh, &BuildOptions::default()).expect("all are finite");
+        let picture = picture(64, 48);
+        let sets = ray_sets(&RaySetKind::ALL, &picture, &tree, 7);
+        let hits = sets[0]
+            .rays
+            .iter()
+            .filter(|ray| tree.closest_hit(ray).is_some())
+            .count();
+        assert!(hits > 100);
+        let counts: Vec<usize> = sets.iter().map(|set| set.rays.len()).collect();
+        assert_eq!(counts, [64 * 48, hits, hits, hits, 64 * 48 / 2]);
+        for (set, ray) in sets
+            .iter()
+            .flat_map(|set| set.rays.iter().map(move |ray| (set, ray)))
+        {
+            let length = dot(ray.direction, ray.direction).sqrt();
+            assert!((length - 1.0).abs() < 1e-5, "{} has {length}", set.kind);
+        }
+        // What is seen of a solid with corners that stand out lights itself nowhere.
+        let inside = |ray: &&Ray| tree.occluded(&Ray::new(ray.origin, ray.direction));
+        assert_eq!(sets[2].rays.iter().filter(inside).count(), 0);
+        // The same frame gives the same rays, another one others.
+        let again = ray_sets(&RaySetKind::ALL, &picture, &tree, 7);
+        let other = ray_sets(&RaySetKind::ALL, &picture, &tree, 8);
+        assert!(again.iter().zip(&sets).all(|(a, b)| a.rays == b.rays));
+        assert!(other[3].rays != sets[3].rays);
+    }
 }

@@ -35,6 +35,8 @@ pub struct Row {
     pub modes: BTreeMap<&'static str, &'static str>,
     /// Whether all hits that were checked are right.
     pub agrees: bool,
+    /// Why the system gave up, if it did: the figures are of the frames before.
+    pub failure: Option<String>,
 }
 
 /// A figure for each set of rays that was traced, by its name.
@@ -93,7 +95,10 @@ impl Row {
             threads: scene.threads,
             update_ms: Spread::of(updates.iter().map(|update| update.update_ms))?,
             mrays: by_set(&|update, set| update.traces[set].megarays()),
-            frame_ms: by_set(&|update, set| Some(update.update_ms + update.traces[set].ms)),
+            frame_ms: by_set(&|update, set| {
+                let trace = &update.traces[set];
+                (trace.rays > 0).then_some(update.update_ms + trace.ms)
+            }),
             bytes: system.bytes,
             samples: updates.len(),
             traced: traced().count(),
@@ -105,7 +110,22 @@ impl Row {
                 .zip(system.modes.iter().copied())
                 .collect(),
             agrees: system.agreement.iter().all(|agreement| agreement.agrees()),
+            failure: system.failure.clone(),
         })
+    }
+
+    /// Whether the system followed all frames with right hits. Only then is it compared.
+    pub fn is_sound(&self) -> bool {
+        self.agrees && self.failure.is_none()
+    }
+
+    /// The system's name, and what is wrong with it.
+    pub fn label(&self) -> String {
+        match (&self.failure, self.agrees) {
+            (Some(_), _) => format!("{} (gave up)", self.system),
+            (None, false) => format!("{} (wrong hits)", self.system),
+            (None, true) => self.system.clone(),
+        }
     }
 
     /// Whether the system is one of ours.
@@ -142,15 +162,15 @@ pub struct Ratio {
 pub enum Figure {
     /// Median time of an update.
     Update,
-    /// Median time of a set of rays.
+    /// Median time of a ray of a set.
     Trace,
     /// Median time of both in one frame.
     Frame,
 }
 
 impl Ratio {
-    /// All ratios of the rows of one scene and number of threads. Systems with
-    /// wrong hits do not take part. None where either side is missing.
+    /// All ratios of the rows of one scene and number of threads. Systems that
+    /// gave up or have wrong hits do not take part. None where either side is missing.
     pub fn of_rows(rows: &[Row], kinds: &[RaySetKind]) -> Vec<Self> {
         let ratio = |(figure, rays): (Figure, Option<&'static str>)| {
             Self::new(rows, figure, rays, |row| match (figure, rays) {
@@ -199,7 +219,7 @@ impl Ratio {
         let best = |ours: bool| {
             let side = rows
                 .iter()
-                .filter(|row| row.agrees && row.is_ours() == ours);
+                .filter(|row| row.is_sound() && row.is_ours() == ours);
             let times = side.filter_map(|row| Some((row, time(row)?)));
             times.min_by(|a, b| a.1.total_cmp(&b.1))
         };
@@ -302,14 +322,22 @@ mod tests {
     }
 
     #[test]
-    fn wrong_hits_win_nothing() {
+    fn wrong_hits_and_half_a_run_win_nothing() {
         let mut cheat = system("peer-cheat", &[(0.1, 0.1)]);
         let mut wrong = crate::check::Agreement::new(RaySetKind::Primary);
         wrong.hits = 1;
         cheat.agreement.push(wrong);
-        let systems = vec![system("splitcast-a", &[(1.0, 1.0)]), cheat];
+        let mut quitter = system("peer-quitter", &[(0.1, 0.1)]);
+        quitter.failure = Some("too much".to_owned());
+        let systems = vec![system("splitcast-a", &[(1.0, 1.0)]), cheat, quitter];
         let rows = Row::of_scene(&scene(systems), &KINDS);
-        assert!(!rows[1].agrees);
+        let labels: Vec<String> = rows.iter().map(Row::label).collect();
+        let expected = [
+            "splitcast-a",
+            "peer-cheat (wrong hits)",
+            "peer-quitter (gave up)",
+        ];
+        assert_eq!(labels, expected);
         assert!(Ratio::of_rows(&rows, &KINDS).is_empty());
     }
 }

@@ -31,13 +31,8 @@ pub(crate) fn systems(rows: &[Row], kinds: &[RaySetKind]) -> String {
     };
     let lines: Vec<Vec<String>> = (rows.iter())
         .map(|row| {
-            let name = if row.agrees {
-                row.system.clone()
-            } else {
-                format!("{} (wrong hits)", row.system)
-            };
             let update = row.update_ms;
-            let mut line = vec![name];
+            let mut line = vec![row.label()];
             line.extend([update.median, update.p95, update.worst].map(figure));
             line.extend(kinds.iter().map(|kind| cell(&row.mrays, kind)));
             line.extend(kinds.iter().map(|kind| cell(&row.frame_ms, kind)));

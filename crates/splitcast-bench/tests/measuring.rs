@@ -300,7 +300,7 @@ fn wrong_hits_are_caught() {
         let bad = |system: usize| {
             let sets = measured.systems[system].agreement.iter();
             let bad = sets.filter(|set| !set.agrees());
-            bad.map(|set| set.rays).collect::<Vec<_>>()
+            bad.map(|set| set.kind).collect::<Vec<_>>()
         };
         use RaySetKind::{Ao, Diffuse, Primary, Random, Shadow};
         assert_eq!(bad(1), [Primary, Shadow, Ao, Diffuse, Random]);

@@ -35,7 +35,10 @@ use scene::Scene;
 pub(crate) use settings::NodePath;
 use settings::{Contender, Settings};
 
-/// The page's file name.
+/// The names of the files in the folder, beside those of figures.
+const TABLE: &str = "table1.json";
+const CSV: &str = "table1.csv";
+const MEASUREMENTS: &str = "measurements.json";
 const PAGE: &str = "report.html";
 
 /// What `table1.json` holds.
@@ -69,7 +72,7 @@ struct Measured {
 pub(crate) fn run(args: &ReproduceArgs) -> Result<(), CliError> {
     // What can be refused at once comes first, what takes time last.
     let settings = Settings::new(args)?;
-    let folder = ResultFolder::check(&args.out, args.json.as_deref())?;
+    let folder = ResultFolder::check(&args.out, &[CSV, MEASUREMENTS, PAGE], args.json.as_deref())?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads)
         .build()
@@ -193,13 +196,11 @@ impl Results<'_> {
         });
         let scenes: Vec<&ScenePage> = pages.iter().collect();
         let html = page(&scenes, self.settings, &self.provenance);
-        let csv = csv(rows()).map_err(|error| {
-            FileError::new(&self.folder.path("table1.csv"), io::Error::other(error))
-        })?;
-        self.folder.write("table1.json", table.as_bytes())?;
-        self.folder.write("table1.csv", &csv)?;
-        self.folder
-            .write("measurements.json", measurements.as_bytes())?;
+        let csv = csv(rows())
+            .map_err(|error| FileError::new(&self.folder.path(CSV), io::Error::other(error)))?;
+        self.folder.write(TABLE, table.as_bytes())?;
+        self.folder.write(CSV, &csv)?;
+        self.folder.write(MEASUREMENTS, measurements.as_bytes())?;
         self.folder.write(PAGE, html.as_bytes())?;
         if let Some(json) = self.json {
             write_file(json, table.as_bytes())?;

@@ -42,18 +42,25 @@ pub struct ResultFolder {
 
 impl ResultFolder {
     /// Finds out whether files can be put into a folder, which may not exist
-    /// yet, and to `extra`, and leaves no trace.
+    /// yet, and to `extra`, and leaves no trace. `names` are those of the files that
+    /// will be put into the folder.
     ///
     /// # Errors
     /// [`OutputError::Unwritable`] with the reason and the remedy.
-    pub fn check(folder: &Path, extra: Option<&Path>) -> Result<Self, OutputError> {
+    pub fn check(folder: &Path, names: &[&str], extra: Option<&Path>) -> Result<Self, OutputError> {
         let there = folder.ancestors().find(|path| path.exists());
         check_writable(&there.unwrap_or(Path::new(".")).join("results"))?;
         // A file in a folder that is yet to be made can be written when the folder can.
-        if let Some(extra) = extra
-            && extra.parent() != Some(folder)
-        {
-            check_writable(extra)?;
+        let full = |path: &Path| std::path::absolute(path).unwrap_or(path.to_owned());
+        if let Some(extra) = extra {
+            if full(extra).parent() != Some(&full(folder)) {
+                check_writable(extra)?;
+            } else if names.iter().any(|name| extra.ends_with(name)) {
+                return Err(OutputError::Unwritable {
+                    path: extra.to_owned(),
+                    reason: "results of another kind go there: choose another name".to_owned(),
+                });
+            }
         }
         Ok(Self {
             folder: folder.to_owned(),
@@ -90,16 +97,19 @@ mod tests {
     fn a_folder_is_checked_without_a_trace_and_made_when_needed() {
         let outer = tempfile::tempdir().expect("a folder");
         let (path, extra) = (outer.path().join("a/b"), outer.path().join("a/b/extra"));
-        let folder = ResultFolder::check(&path, Some(&extra)).expect("a place that is free");
+        let folder =
+            ResultFolder::check(&path, &["file"], Some(&extra)).expect("a place that is free");
         assert!(!outer.path().join("a").exists());
         folder.create().expect("a new folder");
         folder.write("file", b"content").expect("a new file");
         assert_eq!(fs::read(path.join("file")).expect("the file"), b"content");
 
         let below_file = path.join("file/c");
-        let error = ResultFolder::check(&below_file, None).expect_err("a file in the way");
+        let error = ResultFolder::check(&below_file, &[], None).expect_err("a file in the way");
         assert!(error.to_string().contains("file"), "{error}");
         let elsewhere = outer.path().join("missing/extra");
-        assert!(ResultFolder::check(&path, Some(&elsewhere)).is_err());
+        assert!(ResultFolder::check(&path, &[], Some(&elsewhere)).is_err());
+        let taken = outer.path().join("./a/b/file");
+        assert!(ResultFolder::check(&path, &["file"], Some(&taken)).is_err());
     }
 }

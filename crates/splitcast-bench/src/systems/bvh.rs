@@ -158,7 +158,7 @@ impl Tracer for Built<'_> {
         }
         let root = node(&bounds, usize::from(self.shapes.len() == 1));
         let nodes = std::iter::once(root).chain(children.flatten());
-        Some(bvh_cost::sah_cost(nodes))
+        bvh_cost::sah_cost(nodes)
     }
 }
 

@@ -10,16 +10,15 @@ pub(super) struct Node {
 }
 
 /// Expected cost of a ray by the surface area heuristic: a visit of an inner node costs 1,
-/// a test of a triangle 1. The root has to come first; a tree without nodes costs nothing.
-pub(super) fn sah_cost(nodes: impl IntoIterator<Item = Node>) -> f64 {
+/// a test of a triangle 1. The root has to come first. None for a tree that no ray meets.
+pub(super) fn sah_cost(nodes: impl IntoIterator<Item = Node>) -> Option<f64> {
     let mut nodes = nodes.into_iter().map(|node| {
         let [x, y, z] = [0, 1, 2].map(|axis| f64::from(node.max[axis] - node.min[axis]));
         (x * y + y * z + z * x, node.triangles.max(1) as f64)
     });
-    let Some((root_area, root_tests)) = nodes.next() else {
-        return 0.0;
-    };
-    root_tests + nodes.map(|(area, tests)| area * tests).sum::<f64>() / root_area
+    let (root_area, root_tests) = nodes.next().filter(|(area, _)| *area > 0.0)?;
+    let rest = nodes.map(|(area, tests)| area * tests).sum::<f64>() / root_area;
+    Some(root_tests + rest)
 }
 
 #[cfg(test)]
@@ -39,7 +38,9 @@ mod tests {
             node([1.0, 1.0, 0.0], 4),
             node([1.0, 1.0, 0.5], 1),
         ];
-        assert!((sah_cost(tree) - (1.0 + 4.0 / 3.0 + 2.0 / 3.0)).abs() < 1e-9);
-        assert_eq!(sah_cost([]), 0.0);
+        let cost = sah_cost(tree).expect("the root has an area");
+        assert!((cost - (1.0 + 4.0 / 3.0 + 2.0 / 3.0)).abs() < 1e-9);
+        assert_eq!(sah_cost([]), None);
+        assert_eq!(sah_cost([node([1.0, 0.0, 0.0], 3)]), None);
     }
 }

@@ -14,9 +14,6 @@ use super::{Catalog, Missing};
 use crate::rays::{LANES, RaySetKind};
 use crate::system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
 
-/// The major version whose interface is spoken.
-const VERSION: isize = 4;
-
 /// A way to keep a scene up to date.
 #[derive(Clone, Copy)]
 struct Way {
@@ -64,7 +61,7 @@ const WAYS: [Way; 4] = [
 
 /// Adds the systems if the library can be loaded.
 pub(super) fn add_to(catalog: &mut Catalog) {
-    let (embree, version) = match load() {
+    let (embree, version) = match Embree::load() {
         Ok(loaded) => loaded,
         Err(reason) => {
             let reason = format!(
@@ -92,19 +89,6 @@ pub(super) fn add_to(catalog: &mut Catalog) {
             }),
         });
     }
-}
-
-/// The library and its version in words.
-fn load() -> Result<(Arc<Embree>, String), String> {
-    let embree = Embree::load()?;
-    let version = Device::new(&embree, 1)?.version();
-    if version[0] != VERSION {
-        return Err(format!(
-            "version {} was found, but version {VERSION} is needed",
-            version[0]
-        ));
-    }
-    Ok((embree, version.map(|part| part.to_string()).join(".")))
 }
 
 struct EmbreeSystem(Scene);

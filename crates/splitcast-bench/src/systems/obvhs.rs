@@ -282,7 +282,7 @@ impl Tracer for Binary<'_> {
             max: node.aabb().max.to_array(),
             triangles: node.prim_count as usize,
         });
-        Some(bvh_cost::sah_cost(nodes))
+        bvh_cost::sah_cost(nodes)
     }
 }
 

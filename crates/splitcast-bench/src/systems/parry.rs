@@ -161,7 +161,7 @@ impl Tracer for Built<'_> {
             nodes.push(cost(node.aabb(), usize::from(node.is_leaf())));
             TraversalAction::Continue
         });
-        Some(bvh_cost::sah_cost(nodes))
+        bvh_cost::sah_cost(nodes)
     }
 }
 

@@ -54,7 +54,8 @@ impl Tracer for KdTree<'_> {
     }
 
     fn sah_cost(&self) -> Option<f64> {
-        Some(self.stats().sah_cost)
+        // A box without area, which no ray meets, has no cost.
+        Some(self.stats().sah_cost).filter(|&cost| cost > 0.0)
     }
 }
 

@@ -6,6 +6,7 @@
 use std::env;
 use std::error::Error;
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};
+use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 use std::ptr;
 use std::sync::Arc;
@@ -17,6 +18,9 @@ use crate::rays::{LANES, RayBlock};
 
 /// The environment variable that names the library's file.
 pub(super) const VARIABLE: &str = "SPLITCAST_EMBREE";
+
+/// The major version whose interface is spoken.
+const VERSION: isize = 4;
 
 type Handle = *mut c_void;
 
@@ -275,41 +279,56 @@ functions! {
 /// The loaded library.
 pub(super) struct Embree {
     functions: Functions,
-    /// Kept for as long as its functions may be called.
-    _library: Library,
+    /// Never unloaded: threads of its own and of ours may still hold on to its code.
+    _library: ManuallyDrop<Library>,
 }
 
 impl Embree {
-    /// Loads the library: the file that [`VARIABLE`] names, or the first that is found.
-    pub(super) fn load() -> Result<Arc<Self>, String> {
+    /// Loads the library: the file that [`VARIABLE`] names, or the first that is found. Gives its
+    /// version, too.
+    pub(super) fn load() -> Result<(Arc<Self>, String), String> {
         if let Some(path) = env::var_os(VARIABLE) {
             let path = PathBuf::from(path);
-            return Self::open(&path).map_err(|error| {
+            let embree = Self::open(&path).map_err(|error| {
                 // The reason lies behind the error's own words.
                 let reason = error
                     .source()
                     .map_or(error.to_string(), ToString::to_string);
                 format!("{VARIABLE}={}: {reason}", path.display())
             });
+            return Self::with_version(embree?);
         }
         let candidates = NAMES.iter().chain(&PLACES).map(PathBuf::from);
-        candidates
-            .filter_map(|path| Self::open(&path).ok())
-            .next()
-            .ok_or_else(|| "no library was found in the usual places".to_owned())
+        match candidates.filter_map(|path| Self::open(&path).ok()).next() {
+            Some(embree) => Self::with_version(embree),
+            None => Err("no library was found in the usual places".to_owned()),
+        }
     }
 
     fn open(path: &Path) -> Result<Arc<Self>, libloading::Error> {
         // SAFETY: a file that is named as Embree's, or by the user, is Embree. Loading it runs
         // its initialisation, as starting any program that is linked to it would.
         let library = unsafe { Library::new(path) }?;
-        // SAFETY: as above; all these functions are those of version 4, and one of them,
-        // the argument of queries, is checked by the version number in `Device::new`.
+        // SAFETY: the names are those of version 4. Another version that has all of them is
+        // found out by its number before anything else than a device is made, which all
+        // versions make alike.
         let functions = unsafe { Functions::find(&library) }?;
         Ok(Arc::new(Self {
             functions,
-            _library: library,
+            _library: ManuallyDrop::new(library),
         }))
+    }
+
+    fn with_version(embree: Arc<Self>) -> Result<(Arc<Self>, String), String> {
+        let version = Device::new(&embree, 1)?.version();
+        if version[0] != VERSION {
+            let found = version[0];
+            return Err(format!(
+                "version {found} was found, but version {VERSION} is needed"
+            ));
+        }
+        let version = version.map(|part| part.to_string());
+        Ok((embree, version.join(".")))
     }
 }
 
@@ -351,7 +370,7 @@ impl Device {
     }
 
     /// Major version, minor version and patch.
-    pub(super) fn version(&self) -> [isize; 3] {
+    fn version(&self) -> [isize; 3] {
         [
             DEVICE_PROPERTY_VERSION_MAJOR,
             DEVICE_PROPERTY_VERSION_MINOR,
@@ -419,23 +438,34 @@ impl Scene {
         flags: SceneFlags,
     ) -> Result<Self, String> {
         let functions = &device.embree.functions;
-        // SAFETY: handles are used only while they are alive, and values are those of the headers.
+        // SAFETY: the device is alive, and the type is one of the header's.
         let (scene, geometry) = unsafe {
-            let scene = (functions.new_scene)(device.handle);
-            (functions.set_scene_quality)(scene, scene_quality as c_int);
-            (functions.set_scene_flags)(scene, flags as c_int);
-            let geometry = (functions.new_geometry)(device.handle, GEOMETRY_TYPE_TRIANGLE);
-            (functions.set_geometry_quality)(geometry, geometry_quality as c_int);
-            (functions.attach_geometry)(scene, geometry);
-            (scene, geometry)
+            (
+                (functions.new_scene)(device.handle),
+                (functions.new_geometry)(device.handle, GEOMETRY_TYPE_TRIANGLE),
+            )
         };
-        device.check()?;
-        Ok(Self {
+        // From here on whatever was made is released, also if something else failed.
+        let made = Self {
             device,
             scene,
             geometry,
             triangles: Vec::new(),
-        })
+        };
+        made.device.check()?;
+        if scene.is_null() || geometry.is_null() {
+            return Err("Embree could not make a scene".to_owned());
+        }
+        let functions = &made.device.embree.functions;
+        // SAFETY: both are alive, and values are those of the headers.
+        unsafe {
+            (functions.set_scene_quality)(scene, scene_quality as c_int);
+            (functions.set_scene_flags)(scene, flags as c_int);
+            (functions.set_geometry_quality)(geometry, geometry_quality as c_int);
+            (functions.attach_geometry)(scene, geometry);
+        }
+        made.device.check()?;
+        Ok(made)
     }
 
     /// Whether it was given no triangles yet.
@@ -498,10 +528,14 @@ impl Scene {
 impl Drop for Scene {
     fn drop(&mut self) {
         let functions = &self.device.embree.functions;
-        // SAFETY: both are alive; the device is released after them.
+        // SAFETY: what is there is alive; the device is released after it.
         unsafe {
-            (functions.release_geometry)(self.geometry);
-            (functions.release_scene)(self.scene);
+            if !self.geometry.is_null() {
+                (functions.release_geometry)(self.geometry);
+            }
+            if !self.scene.is_null() {
+                (functions.release_scene)(self.scene);
+            }
         }
     }
 }

@@ -145,11 +145,11 @@ impl System for Obvhs {
             .collect_into_vec(&mut self.leaves);
         let leaves = &self.leaves[..];
         Ok(match self.way {
-            Way::Compressed => Box::new(Compressed {
+            Way::Compressed => Box::new(Built {
                 tree: &self.wide,
                 leaves,
             }),
-            _ => Box::new(Binary {
+            _ => Box::new(Built {
                 tree: &builder.tree,
                 leaves,
             }),
@@ -254,58 +254,89 @@ impl Builder {
     }
 }
 
-struct Binary<'s> {
-    tree: &'s Bvh2,
+/// What both kinds of trees can do.
+trait Tree: Sync {
+    fn closest(&self, ray: ObvhsRay, test: impl FnMut(&ObvhsRay, usize) -> f32) -> RayHit;
+    fn misses(&self, ray: ObvhsRay, test: impl FnMut(&ObvhsRay, usize) -> f32) -> bool;
+    /// The triangle of each place in the leaves.
+    fn indices(&self) -> &[u32];
+    fn cost(&self) -> Option<f64>;
+}
+
+impl Tree for Bvh2 {
+    #[inline(always)]
+    fn closest(&self, ray: ObvhsRay, test: impl FnMut(&ObvhsRay, usize) -> f32) -> RayHit {
+        let mut hit = RayHit::none();
+        self.ray_traverse(ray, &mut hit, test);
+        hit
+    }
+
+    #[inline(always)]
+    fn misses(&self, ray: ObvhsRay, test: impl FnMut(&ObvhsRay, usize) -> f32) -> bool {
+        self.ray_traverse_miss(ray, test)
+    }
+
+    fn indices(&self) -> &[u32] {
+        &self.primitive_indices
+    }
+
+    fn cost(&self) -> Option<f64> {
+        bvh_cost::sah_cost(self.nodes.iter().map(|node| bvh_cost::Node {
+            min: node.aabb().min.to_array(),
+            max: node.aabb().max.to_array(),
+            triangles: node.prim_count as usize,
+        }))
+    }
+}
+
+impl Tree for CwBvh {
+    #[inline(always)]
+    fn closest(&self, ray: ObvhsRay, test: impl FnMut(&ObvhsRay, usize) -> f32) -> RayHit {
+        let mut hit = RayHit::none();
+        self.ray_traverse(ray, &mut hit, test);
+        hit
+    }
+
+    #[inline(always)]
+    fn misses(&self, ray: ObvhsRay, test: impl FnMut(&ObvhsRay, usize) -> f32) -> bool {
+        self.ray_traverse_miss(ray, test)
+    }
+
+    fn indices(&self) -> &[u32] {
+        &self.primitive_indices
+    }
+
+    /// Its boxes are rounded and packed.
+    fn cost(&self) -> Option<f64> {
+        None
+    }
+}
+
+struct Built<'s, T> {
+    tree: &'s T,
     leaves: &'s [RtTriangle],
 }
 
-impl Tracer for Binary<'_> {
+impl<T: Tree> Tracer for Built<'_, T> {
     fn closest_hits(&self, _: usize, rays: RayChunk<'_>, mut hits: HitChunk<'_>) {
         hits.fill(rays.rays, |ray| {
-            let mut hit = RayHit::none();
             let test = |ray: &ObvhsRay, index: usize| self.leaves[index].intersect(ray);
-            self.tree.ray_traverse(converted(ray), &mut hit, test);
-            found(&hit, &self.tree.primitive_indices)
+            let hit = self.tree.closest(converted(ray), test);
+            // Not every traversal tells by its result whether it hit.
+            let triangle = self.tree.indices().get(hit.primitive_id as usize)?;
+            Some((hit.t, *triangle))
         });
     }
 
     fn occluded(&self, _: usize, rays: RayChunk<'_>, occluded: &mut [bool]) {
         for (ray, occluded) in rays.rays.iter().zip(occluded) {
             let test = |ray: &ObvhsRay, index: usize| self.leaves[index].intersect(ray);
-            *occluded = !self.tree.ray_traverse_miss(converted(ray), test);
+            *occluded = !self.tree.misses(converted(ray), test);
         }
     }
 
     fn sah_cost(&self) -> Option<f64> {
-        let nodes = self.tree.nodes.iter().map(|node| bvh_cost::Node {
-            min: node.aabb().min.to_array(),
-            max: node.aabb().max.to_array(),
-            triangles: node.prim_count as usize,
-        });
-        bvh_cost::sah_cost(nodes)
-    }
-}
-
-struct Compressed<'s> {
-    tree: &'s CwBvh,
-    leaves: &'s [RtTriangle],
-}
-
-impl Tracer for Compressed<'_> {
-    fn closest_hits(&self, _: usize, rays: RayChunk<'_>, mut hits: HitChunk<'_>) {
-        hits.fill(rays.rays, |ray| {
-            let mut hit = RayHit::none();
-            let test = |ray: &ObvhsRay, index: usize| self.leaves[index].intersect(ray);
-            self.tree.ray_traverse(converted(ray), &mut hit, test);
-            found(&hit, &self.tree.primitive_indices)
-        });
-    }
-
-    fn occluded(&self, _: usize, rays: RayChunk<'_>, occluded: &mut [bool]) {
-        for (ray, occluded) in rays.rays.iter().zip(occluded) {
-            let test = |ray: &ObvhsRay, index: usize| self.leaves[index].intersect(ray);
-            *occluded = !self.tree.ray_traverse_miss(converted(ray), test);
-        }
+        self.tree.cost()
     }
 }
 
@@ -313,10 +344,4 @@ fn converted(ray: &Ray) -> ObvhsRay {
     let origin = Vec3A::from_array(ray.origin);
     let direction = Vec3A::from_array(ray.direction);
     ObvhsRay::new(origin, direction, ray.t_min, ray.t_max)
-}
-
-/// A hit's distance and triangle. Not every traversal tells by its result whether it hit.
-fn found(hit: &RayHit, indices: &[u32]) -> Option<(f32, u32)> {
-    let index = indices.get(hit.primitive_id as usize)?;
-    Some((hit.t, *index))
 }

@@ -4,8 +4,11 @@
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-use splitcast::Aabb;
-use splitcast_bench::{Catalog, Picture, Plan, RaySetKind, measure, pool, wall_clock};
+use splitcast::{Aabb, BuildOptions, KdTree, Mesh, Ray, reference};
+use splitcast_bench::{
+    Catalog, FrameMesh, HitChunk, LANES, Picture, Plan, RayChunk, RaySet, RaySetKind, measure,
+    pool, ray_sets, wall_clock,
+};
 use splitcast_render::{Camera, Perspective};
 use splitcast_scene::{Frame, FrameSource, SceneError};
 
@@ -142,6 +145,70 @@ fn check_all(threads: usize) {
 fn all_agree_with_brute_force_on_one_thread_and_on_two() {
     check_all(1);
     check_all(2);
+}
+
+/// The measurement only uses the fastest mode of each system; the others have to be right, too.
+#[test]
+fn every_mode_finds_what_brute_force_finds() {
+    let mut torus = Torus::new();
+    let Frame {
+        mut positions,
+        triangles,
+        ..
+    } = torus.frame(0).unwrap();
+    let count = positions.len();
+    positions.push([0.0; 3]);
+    let mesh = Mesh::new(&positions[..count], &triangles).unwrap();
+    let frame = FrameMesh {
+        mesh,
+        padded_positions: &positions,
+        same_topology: false,
+    };
+    let tree = KdTree::build(mesh, &BuildOptions::default()).unwrap();
+    // A number of rays that fills no whole number of blocks.
+    let odd = |mut set: RaySet| {
+        set.rays.truncate(set.rays.len() / LANES * LANES - 5);
+        RaySet::new(set.kind, set.rays)
+    };
+    let sets = ray_sets(&RaySetKind::ALL, &picture(), &tree, 0);
+    let sets: Vec<RaySet> = sets.into_iter().map(odd).collect();
+    for entry in &Catalog::new().entries {
+        let mut system = (entry.make)(1).unwrap();
+        let tracer = system.update(frame).unwrap();
+        for set in &sets {
+            for (mode, name) in tracer.modes(set.kind).iter().enumerate() {
+                let lanes = set.blocks.len() * LANES;
+                let rays = RayChunk {
+                    rays: &set.rays,
+                    blocks: &set.blocks,
+                };
+                let (mut t, mut triangle) = (vec![f32::NAN; lanes], vec![u32::MAX; lanes]);
+                let mut occluded = vec![false; lanes];
+                if set.kind.is_occlusion() {
+                    tracer.occluded(mode, rays, &mut occluded);
+                } else {
+                    let (t, triangle) = (&mut t[..], &mut triangle[..]);
+                    tracer.closest_hits(mode, rays, HitChunk { t, triangle });
+                }
+                let is_wrong = |&(index, ray): &(usize, &Ray)| match set.kind.is_occlusion() {
+                    true => occluded[index] != reference::occluded(mesh, ray),
+                    false => match reference::closest_hit(mesh, ray) {
+                        Some(hit) => !((t[index] - hit.t).abs() <= 1e-4 * hit.t.max(1.0)),
+                        None => t[index] != f32::INFINITY,
+                    },
+                };
+                let wrong = set.rays.iter().enumerate().filter(is_wrong).count();
+                // A ray that grazes an edge is a matter of rounding.
+                let at_most = set.rays.len() / 1000;
+                assert!(
+                    wrong <= at_most,
+                    "{wrong} of {}, {}, {name}",
+                    set.kind,
+                    entry.name
+                );
+            }
+        }
+    }
 }
 
 #[test]

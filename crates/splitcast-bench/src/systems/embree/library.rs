@@ -261,7 +261,6 @@ functions! {
     set_geometry_quality: b"rtcSetGeometryBuildQuality\0" (Handle, c_int);
     set_shared_buffer: b"rtcSetSharedGeometryBuffer\0"
         (Handle, c_int, c_uint, c_int, *const c_void, usize, usize, usize);
-    update_buffer: b"rtcUpdateGeometryBuffer\0" (Handle, c_int, c_uint);
     commit_geometry: b"rtcCommitGeometry\0" (Handle);
     attach_geometry: b"rtcAttachGeometry\0" (Handle, Handle) -> c_uint;
     intersect_1: b"rtcIntersect1\0" (Handle, *mut RayHits<1>, *const QueryArguments);
@@ -511,8 +510,6 @@ impl Scene {
             if triangles.is_some() {
                 let data = self.triangles.as_ptr().cast();
                 share(BUFFER_TYPE_INDEX, FORMAT_UINT3, data, self.triangles.len());
-            } else {
-                (functions.update_buffer)(geometry, BUFFER_TYPE_VERTEX, 0);
             }
             (functions.commit_geometry)(geometry);
             (functions.commit_scene)(self.scene);

@@ -11,6 +11,9 @@ use crate::measure::{SceneMeasurement, SystemMeasurement, UpdateSample};
 use crate::rays::RaySetKind;
 use crate::results::Row;
 
+/// Largest ratio to a yardstick that is shown on a linear axis.
+const LINEAR_UP_TO: f64 = 2.0;
+
 /// Most lines in a plot: beyond that, colors repeat.
 const MAX_LINES: usize = Role::SERIES.len();
 
@@ -282,16 +285,25 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     let mut yardsticks: Vec<&str> = pairs.iter().map(|pair| &pair.1.name[..]).collect();
     yardsticks.sort_unstable();
     yardsticks.dedup();
-    let mut plot = |title: &str, axis: Axis, figure: &dyn Fn(&UpdateSample) -> Option<f64>| {
+    let mut plot = |title: &str, label: &str, figure: &dyn Fn(&UpdateSample) -> Option<f64>| {
+        let lines = pairs.iter().map(|(system, yardstick)| {
+            let points = ratios(system, yardstick, figure);
+            (&system.name[..], points)
+        });
+        let lines: Vec<_> = lines.filter(|(_, points)| !points.is_empty()).collect();
+        let largest = lines.iter().flat_map(|(_, points)| points);
+        let largest = largest.map(|point| point.1).fold(1.0, f64::max);
+        // One tree that rots, or one frame that was disturbed, must not hide all others.
+        let axis = match largest > LINEAR_UP_TO {
+            true => Axis::new(label).log(),
+            false => Axis::new(label),
+        };
         let plot = Plot::new(title)
             .x(Axis::new("frame").whole())
             .y(axis.include(1.0))
             .no_data("no system tells");
-        pairs.iter().fold(plot, |plot, (system, yardstick)| {
-            match ratios(system, yardstick, figure) {
-                none if none.is_empty() => plot,
-                points => plot.series(styles.line(&system.name, points)),
-            }
+        (lines.into_iter()).fold(plot, |plot, (name, points)| {
+            plot.series(styles.line(name, points))
         })
     };
     let mut figures = Vec::new();
@@ -299,8 +311,7 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
         figures.push(
             Figure::new(plot(
                 "What trees are worth: diffuse rays",
-                // One frame that was disturbed must not hide all others.
-                Axis::new("time over that of the yardstick").log(),
+                "time over that of the yardstick",
                 &time,
             ))
             .caption(format!(
@@ -314,7 +325,7 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     figures.push(
         Figure::new(plot(
             "What trees are worth: expected cost",
-            Axis::new("SAH cost over that of the yardstick"),
+            "SAH cost over that of the yardstick",
             &cost,
         ))
         .caption(

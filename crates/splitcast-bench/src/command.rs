@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use serde::Serialize;
 use splitcast::Aabb;
 use splitcast_console::{
-    Excerpt, FileError, Input, InputError, Progress, ResultFolder, USAGE, count, distinct_names,
-    parse_command_line, report_error, table, to_json, warn, write_file,
+    Excerpt, FileError, Input, InputError, ProgramError, Progress, ResultFolder, count,
+    distinct_names, exit, parse_command_line, table, to_json, warn, write_file,
 };
 use splitcast_render::{Camera, DEFAULT_FOV_DEGREES, OutputError, Perspective, RenderError};
 use splitcast_report::Provenance;
@@ -67,28 +67,31 @@ enum CommandError {
     Stdout(#[from] io::Error),
 }
 
+impl ProgramError for CommandError {
+    fn is_usage(&self) -> bool {
+        match self {
+            Self::Usage(_) => true,
+            Self::Input(error) => error.is_usage(),
+            Self::Output(error) => error.is_usage(),
+            _ => false,
+        }
+    }
+
+    fn of_stdout(&self) -> Option<&io::Error> {
+        match self {
+            Self::Stdout(error) => Some(error),
+            _ => None,
+        }
+    }
+}
+
 /// Runs the command with the arguments of the process.
 pub fn main() -> ExitCode {
     let args = match parse_command_line::<Args>() {
         Ok(args) => args,
         Err(code) => return code,
     };
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        // Whoever closed the pipe, such as `head`, has seen enough.
-        Err(CommandError::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
-            ExitCode::SUCCESS
-        }
-        Err(error) => {
-            report_error(&error.to_string());
-            match error {
-                CommandError::Usage(_) => ExitCode::from(USAGE),
-                CommandError::Input(error) if error.is_usage() => ExitCode::from(USAGE),
-                CommandError::Output(error) if error.is_usage() => ExitCode::from(USAGE),
-                _ => ExitCode::FAILURE,
-            }
-        }
-    }
+    exit(run(&args))
 }
 
 /// What a run is made with.

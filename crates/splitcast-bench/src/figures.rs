@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use splitcast_console::median;
 use splitcast_report::{Axis, Dash, Figure, Plot, Role, Series};
 
 use crate::command::SystemInfo;
 use crate::front::{Standing, front};
 use crate::measure::{SceneMeasurement, SystemMeasurement, UpdateSample};
 use crate::rays::RaySetKind;
-use crate::results::Row;
+use crate::results::{Row, Spread};
 
 /// Largest ratio to a yardstick that is shown on a linear axis.
 const LINEAR_UP_TO: f64 = 2.0;
@@ -73,7 +72,7 @@ impl<'r> SceneView<'r> {
         }
     }
 
-    /// Where systems stand by a kind of rays, right or wrong as their hits may be.
+    /// Where systems stand by a kind of rays, the sound ones or the others.
     fn standings(&self, kind: RaySetKind, sound: bool) -> Vec<Standing<'r>> {
         let rows = self.rows.iter().filter(|row| row.is_sound() == sound);
         let standing = |row: &&'r Row| {
@@ -111,7 +110,7 @@ impl<'r> SceneView<'r> {
         shown.into_iter().map(|shown| shown.2).collect()
     }
 
-    /// Systems with right hits, each beside its yardstick.
+    /// Sound systems, each beside its yardstick.
     fn against_yardsticks(&self) -> Vec<(&'r SystemMeasurement, &'r SystemMeasurement)> {
         let right = |name: &str| {
             let row = self.rows.iter().find(|row| row.system == name)?;
@@ -149,8 +148,8 @@ impl<'r> Styles<'r> {
 
 /// Update time against trace rate, one dot a system.
 fn scatter(view: &SceneView<'_>, kind: RaySetKind) -> Figure {
-    let right = view.standings(kind, true);
-    let wrong = view.standings(kind, false);
+    let sound = view.standings(kind, true);
+    let unsound = view.standings(kind, false);
     let at = |standing: &Standing<'_>| (standing.update_ms, standing.rate);
     let dots = |name: &str, standings: &[Standing<'_>]| {
         Series::dots(name, standings.iter().map(at))
@@ -167,7 +166,7 @@ fn scatter(view: &SceneView<'_>, kind: RaySetKind) -> Figure {
             .log())
         .no_data("no system has traced such rays")
         .series(
-            Series::step("front", front(&right).iter().map(at))
+            Series::step("front", front(&sound).iter().map(at))
                 .role(Role::Muted)
                 .dash(Dash::Dashed),
         );
@@ -185,7 +184,7 @@ fn scatter(view: &SceneView<'_>, kind: RaySetKind) -> Figure {
                 .find(|info| info.name == standing.system);
             info.is_some_and(|info| info.family == family)
         };
-        let members: Vec<_> = right.iter().filter(is_of_family).copied().collect();
+        let members: Vec<_> = sound.iter().filter(is_of_family).copied().collect();
         if !members.is_empty() {
             plot = plot.series(dots(family, &members).role(Role::nth(index)));
         }
@@ -193,9 +192,9 @@ fn scatter(view: &SceneView<'_>, kind: RaySetKind) -> Figure {
     let mut caption = "Medians, both axes logarithmic. The front joins the systems that no other \
                        one beats in both."
         .to_owned();
-    if !wrong.is_empty() {
-        plot = plot.series(dots("wrong hits", &wrong).role(Role::Muted));
-        caption.push_str(" Systems with wrong hits cannot be on it.");
+    if !unsound.is_empty() {
+        plot = plot.series(dots("gave up or wrong hits", &unsound).role(Role::Muted));
+        caption.push_str(" Systems that gave up or have wrong hits cannot be on it.");
     }
     Figure::new(plot).caption(caption)
 }
@@ -252,12 +251,8 @@ fn quality<'r>(view: &SceneView<'r>, styles: &mut Styles<'r>) -> Vec<Figure> {
     let cost = |update: &UpdateSample| update.sah_cost;
     // Those that fall behind the most are what there is to see, in each library.
     let typical = |points: Vec<(f64, f64)>| {
-        let ratios: Vec<f64> = points.into_iter().map(|point| point.1).collect();
-        if ratios.is_empty() {
-            0.0
-        } else {
-            median_of(ratios)
-        }
+        let spread = Spread::of(points.into_iter().map(|point| point.1));
+        spread.map_or(0.0, |spread| spread.median)
     };
     let behind = |&(system, yardstick): &(&'r SystemMeasurement, &'r SystemMeasurement)| {
         let cost = typical(ratios(system, yardstick, cost));
@@ -354,12 +349,6 @@ fn total(update: &UpdateSample) -> Option<f64> {
     (!update.traces.is_empty()).then_some(update.update_ms + rays)
 }
 
-/// The median of at least one value, in any order.
-fn median_of(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    median(&values)
-}
-
 /// A figure frame by frame: the median of its rounds.
 fn by_frame(
     system: &SystemMeasurement,
@@ -371,10 +360,9 @@ fn by_frame(
             rounds.entry(update.frame).or_default().push(value);
         }
     }
-    let frames = rounds.into_iter();
-    frames
-        .map(|(frame, values)| (frame, median_of(values)))
-        .collect()
+    let median =
+        |(frame, values): (usize, Vec<f64>)| Some((frame, Spread::of(values.into_iter())?.median));
+    rounds.into_iter().filter_map(median).collect()
 }
 
 fn points(by_frame: BTreeMap<usize, f64>) -> impl Iterator<Item = (f64, f64)> {

@@ -56,7 +56,8 @@ pub struct Spread {
 impl Spread {
     /// Of at least one figure.
     pub(crate) fn of(figures: impl Iterator<Item = f64>) -> Option<Self> {
-        let sorted = sorted(figures);
+        let mut sorted: Vec<f64> = figures.collect();
+        sorted.sort_by(f64::total_cmp);
         Some(Self {
             worst: *sorted.last()?,
             median: median(&sorted),
@@ -234,12 +235,6 @@ impl Ratio {
             ratio: our_time / peer_time,
         })
     }
-}
-
-fn sorted(figures: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut sorted: Vec<f64> = figures.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted
 }
 
 #[cfg(test)]

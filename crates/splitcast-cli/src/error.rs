@@ -1,9 +1,8 @@
 //! One line on standard error and an exit code for everything that goes wrong.
 
 use std::io;
-use std::process::ExitCode;
 
-use splitcast_console::{FAILURE, FileError, InputError, USAGE, report_error};
+use splitcast_console::{FileError, InputError, ProgramError};
 use splitcast_render::{OutputError, RenderError};
 use splitcast_scene::SceneError;
 
@@ -47,9 +46,9 @@ impl From<SceneError> for CliError {
     }
 }
 
-impl CliError {
-    fn exit_code(&self) -> u8 {
-        let usage = match self {
+impl ProgramError for CliError {
+    fn is_usage(&self) -> bool {
+        match self {
             Self::Usage(_) => true,
             Self::Input(error) => error.is_usage(),
             // Options, camera and views come from the flags alone.
@@ -59,20 +58,13 @@ impl CliError {
             ),
             Self::Output(error) => error.is_usage(),
             _ => false,
-        };
-        if usage { USAGE } else { FAILURE }
+        }
     }
-}
 
-/// Reports what went wrong, if anything, and gives the code to exit with.
-pub(crate) fn exit(result: Result<(), CliError>) -> ExitCode {
-    let Err(error) = result else {
-        return ExitCode::SUCCESS;
-    };
-    // Whoever closed the pipe, such as `head`, has seen enough.
-    if matches!(&error, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe) {
-        return ExitCode::SUCCESS;
+    fn of_stdout(&self) -> Option<&io::Error> {
+        match self {
+            Self::Stdout(error) => Some(error),
+            _ => None,
+        }
     }
-    report_error(&error.to_string());
-    ExitCode::from(error.exit_code())
 }

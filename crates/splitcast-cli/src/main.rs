@@ -13,13 +13,13 @@ mod trees;
 
 use std::process::ExitCode;
 
-use splitcast_console::parse_command_line;
+use splitcast_console::{exit, parse_command_line};
 
 use args::Cli;
 
 fn main() -> ExitCode {
     match parse_command_line::<Cli>() {
-        Ok(cli) => error::exit(cli.command.run()),
+        Ok(cli) => exit(cli.command.run()),
         Err(code) => code,
     }
 }

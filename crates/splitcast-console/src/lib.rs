@@ -21,6 +21,7 @@
 
 mod command_line;
 mod excerpt;
+mod exit;
 mod frame_range;
 mod input;
 mod json;
@@ -35,6 +36,7 @@ mod words;
 
 pub use command_line::{FAILURE, USAGE, parse_command_line};
 pub use excerpt::Excerpt;
+pub use exit::{ProgramError, exit};
 pub use frame_range::{FrameRange, parse_frames};
 pub use input::{Input, InputError, scene_names};
 pub use json::to_json;

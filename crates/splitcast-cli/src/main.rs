@@ -1,12 +1,15 @@
 //! The `splitcast` command.
 
 mod args;
+mod cells;
+mod column;
 mod error;
 mod fingerprint;
 mod info;
 mod render;
 mod report;
 mod reproduce;
+mod scene;
 mod scenes;
 mod summary;
 mod trees;

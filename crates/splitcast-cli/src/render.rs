@@ -58,7 +58,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     };
     let mut builder =
         SequenceBuilder::new(&build).map_err(|error| CliError::Usage(error.to_string()))?;
-    refuse_non_finite(&mut input, &info, frames.clone(), &builder)?;
+    refuse_non_finite(&mut input, &info, frames.clone(), &build)?;
     let bounds = info.bounds.map_or(Aabb::EMPTY, |bounds| Aabb {
         min: bounds.min,
         max: bounds.max,

@@ -8,7 +8,6 @@ mod nodes;
 mod page;
 mod paper;
 mod rows;
-mod scene;
 mod settings;
 mod survey;
 mod terminal;
@@ -18,12 +17,15 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use splitcast_console::{FileError, ResultFolder, distinct_names, to_json, warn, write_file};
+use splitcast_console::{
+    FileError, ResultFolder, count, distinct_names, to_json, warn, write_file,
+};
 use splitcast_report::Provenance;
 use splitcast_scene::builtin;
 
 use crate::args::ReproduceArgs;
 use crate::error::CliError;
+use crate::scene::Scene;
 
 use builds::SceneMeasurement;
 use figures::SceneFigures;
@@ -31,7 +33,6 @@ use nodes::NodeTrack;
 use page::{ScenePage, page};
 use paper::PaperRow;
 use rows::{BuilderRow, Row};
-use scene::Scene;
 pub(crate) use settings::NodePath;
 use settings::{Contender, Settings};
 
@@ -94,11 +95,15 @@ fn reproduce(
     } else {
         args.input.clone()
     };
-    let builder = settings.builder(Contender::Normal)?;
+    let options = settings.options(Contender::Normal);
     let scenes = inputs.iter();
-    let scenes = scenes.map(|input| Scene::open(input, args.frames, &builder));
+    let scenes = scenes.map(|input| {
+        let mut scene = Scene::open(input, args.frames, &options)?;
+        annotate(&mut scene)?;
+        Ok(scene)
+    });
     // All of them, before an hour is spent on the first.
-    let mut scenes: Vec<Scene> = scenes.collect::<Result<_, _>>()?;
+    let mut scenes: Vec<Scene> = scenes.collect::<Result<_, CliError>>()?;
     let names = distinct_names(scenes.iter().map(|scene| scene.name.clone()));
     for (scene, name) in scenes.iter_mut().zip(names) {
         scene.name = name;
@@ -125,6 +130,27 @@ fn reproduce(
         results.write(&measured, &pages)?;
     }
     Ok(pages.into_iter().flat_map(|page| page.rows).collect())
+}
+
+/// Adds what a reader of running builds has to know.
+fn annotate(scene: &mut Scene) -> Result<(), CliError> {
+    if let [only] = scene.measured[..] {
+        scene.notes.push(format!(
+            "Only frame {} is measured, so there is no running build, and every figure of one \
+             is missing.",
+            scene.number(only)
+        ));
+    }
+    let changes = scene.topology_changes()?;
+    if let Some(&first) = changes.first() {
+        scene.notes.push(format!(
+            "The triangles change {}, first at frame {}. Tracking goes on across such a \
+             change, since it follows planes and not vertices.",
+            count(changes.len(), "time"),
+            scene.number(first)
+        ));
+    }
+    Ok(())
 }
 
 fn measure_scene(

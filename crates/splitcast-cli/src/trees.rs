@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use splitcast::{BuildError, KdTree, Mesh, NonFinite, SequenceBuilder};
+use splitcast::{BuildError, BuildOptions, KdTree, Mesh, NonFinite, SequenceBuilder};
 use splitcast_console::Input;
 use splitcast_scene::{Frame, SequenceInfo};
 
@@ -15,18 +15,30 @@ pub(crate) fn refuse_non_finite(
     input: &mut Input,
     info: &SequenceInfo,
     frames: Range<usize>,
-    builder: &SequenceBuilder,
+    options: &BuildOptions,
 ) -> Result<(), CliError> {
-    if builder.options().non_finite == NonFinite::Skip {
+    if options.non_finite == NonFinite::Skip {
         return Ok(());
     }
     for index in frames {
         if info.frames[index].non_finite > 0 {
             let frame = input.source.frame(index)?;
-            build_tree(&frame, &mut builder.clone(), index, &input.place(index))?;
+            try_build(&frame, options, index, &input.place(index))?;
         }
     }
     Ok(())
+}
+
+/// Finds out whether a frame can be built, by building it.
+pub(crate) fn try_build(
+    frame: &Frame,
+    options: &BuildOptions,
+    index: usize,
+    place: &str,
+) -> Result<(), CliError> {
+    let tree = KdTree::build(mesh(frame, index, place)?, options);
+    tree.map(drop)
+        .map_err(|error| refused(&error, index, place))
 }
 
 /// The tree of the next frame; an error names the frame and its `place`.
@@ -36,18 +48,22 @@ pub(crate) fn build_tree<'f>(
     index: usize,
     place: &str,
 ) -> Result<KdTree<'f>, CliError> {
-    builder.build(mesh(frame, index, place)?).map_err(|error| {
-        let remedy = if matches!(error, BuildError::NonFinite { .. }) {
-            "; use --non-finite skip"
-        } else {
-            ""
-        };
-        CliError::Frame {
-            index,
-            place: place.to_owned(),
-            reason: format!("{error}{remedy}"),
-        }
-    })
+    let tree = builder.build(mesh(frame, index, place)?);
+    tree.map_err(|error| refused(&error, index, place))
+}
+
+/// Why a frame was not built, with what can be done about it.
+pub(crate) fn refused(error: &BuildError, index: usize, place: &str) -> CliError {
+    let remedy = if matches!(error, BuildError::NonFinite { .. }) {
+        "; use --non-finite skip"
+    } else {
+        ""
+    };
+    CliError::Frame {
+        index,
+        place: place.to_owned(),
+        reason: format!("{error}{remedy}"),
+    }
 }
 
 /// The mesh of a frame; an error names the frame and its `place`.

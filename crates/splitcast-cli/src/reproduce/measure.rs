@@ -11,14 +11,13 @@ use std::time::{Duration, Instant};
 use splitcast::{BuildReport, KdTree, SequenceBuilder};
 use splitcast_console::{Progress, figure, median};
 use splitcast_render::BenchmarkRays;
-use splitcast_scene::Frame;
 
 use super::builds::{BuildFigures, FrameMeasurement, SceneMeasurement};
-use super::scene::Scene;
 use super::settings::{Contender, Settings};
 use super::survey::Survey;
 use crate::error::CliError;
 use crate::fingerprint::Fingerprint;
+use crate::scene::{FrameAt, Scene};
 use crate::trees::build_tree;
 
 /// Primary rays a side of the picture that trees are traced with.
@@ -86,23 +85,6 @@ pub(crate) fn measure(
         frames: measured,
     };
     Ok((measurement, survey))
-}
-
-/// A frame with its name for messages.
-struct FrameAt<'f> {
-    frame: &'f Frame,
-    number: usize,
-    place: String,
-}
-
-impl<'f> FrameAt<'f> {
-    fn new(scene: &Scene, index: usize, frame: &'f Frame) -> Self {
-        Self {
-            frame,
-            number: scene.number(index),
-            place: scene.place(index),
-        }
-    }
 }
 
 /// Times of one contender in one frame, one a round, in milliseconds.

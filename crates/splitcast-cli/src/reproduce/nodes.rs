@@ -12,9 +12,9 @@ use splitcast::filter::{KalmanFilter, Predictor, VirtualObservations, WienerPred
 use splitcast::{Aabb, BuildReport, KdTree, NodeKind, Outcome, SplitRecord, TrackingOptions};
 use splitcast_console::Progress;
 
-use super::scene::Scene;
 use super::settings::{Contender, NodePath, Settings};
 use crate::error::CliError;
+use crate::scene::Scene;
 use crate::trees::build_tree;
 
 /// Planes along an axis at which a cost curve is evaluated.

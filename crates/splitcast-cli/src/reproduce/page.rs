@@ -7,9 +7,10 @@ use splitcast_report::{Cell, Column, Figure, Image, Page, Provenance, Section, T
 use super::figures::{SceneFigure, SceneFigures};
 use super::measure::RAYS_A_SIDE;
 use super::paper::{SAH_GOAL, row_for};
-use super::rows::{BuilderRow, Extreme, Row};
+use super::rows::{BuilderRow, Row};
 use super::settings::{Contender, Settings};
-use super::terminal::{NONE, number, percent, ratio};
+use crate::cells::{NONE, number, percent, ratio};
+use crate::column::Extreme;
 
 /// Everything about one scene that the page shows.
 pub(crate) struct ScenePage {

@@ -1,11 +1,11 @@
 //! Rows of the tables: medians over the frames, and the worst frame.
 
 use serde::Serialize;
-use splitcast_console::median;
 
 use super::builds::{BuildFigures, FrameMeasurement, SceneMeasurement, ratio};
 use super::paper::{SAH_GOAL, row_for};
 use super::settings::Contender;
+use crate::column::{Column, Extreme};
 
 /// A row of Table I: one scene with one filter. What cannot be told, such as a
 /// running build of a single frame, is absent.
@@ -69,20 +69,15 @@ pub(crate) struct Worst {
     pub(crate) running_with_filter_ms: Option<Extreme>,
 }
 
-/// A value and the number of its frame.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Extreme {
-    pub(crate) value: f64,
-    pub(crate) frame: usize,
-}
-
 impl Row {
     /// The row of a scene and a filter.
     pub(crate) fn new(scene: &SceneMeasurement, filter: Contender) -> Self {
         use Contender::{Normal, Sweep};
         let frames = scene.compared_frames();
         let running = |frame: &FrameMeasurement| frame.build(filter).cloned().filter(|b| b.running);
-        let of = |figure: &dyn Fn(&FrameMeasurement) -> Option<f64>| Column::new(&frames, figure);
+        let of = |figure: &dyn Fn(&FrameMeasurement) -> Option<f64>| {
+            Column::new(frames.iter().map(|frame| (frame.frame, figure(frame))))
+        };
         let of_running = |figure: &dyn Fn(&BuildFigures) -> Option<f64>| {
             of(&|frame| running(frame).as_ref().and_then(figure))
         };
@@ -259,7 +254,8 @@ impl BuilderRow {
         let row = |build: &BuildFigures| {
             let builder = build.contender;
             let of = |figure: &dyn Fn(&FrameMeasurement, &BuildFigures) -> Option<f64>| {
-                Column::new(&frames, &|frame| figure(frame, frame.build(builder)?)).median
+                let value = |frame| figure(frame, frame.build(builder)?);
+                Column::new(frames.iter().map(|&frame| (frame.frame, value(frame)))).median
             };
             let time = |build: &BuildFigures| build.build_ms + build.filter_ms;
             Self {
@@ -282,33 +278,6 @@ impl BuilderRow {
             }
         };
         builds.iter().map(row).collect()
-    }
-}
-
-/// One figure over the frames.
-struct Column {
-    median: Option<f64>,
-    most: Option<Extreme>,
-}
-
-impl Column {
-    fn new(
-        frames: &[&FrameMeasurement],
-        figure: &dyn Fn(&FrameMeasurement) -> Option<f64>,
-    ) -> Self {
-        let frames = frames.iter();
-        let known = frames.filter_map(|frame| {
-            let (value, frame) = (figure(frame)?, frame.frame);
-            Some(Extreme { value, frame }).filter(|_| value.is_finite())
-        });
-        let mut known: Vec<Extreme> = known.collect();
-        // Stable, so that of equal values the first frame's comes first.
-        known.sort_by(|a, b| a.value.total_cmp(&b.value));
-        let values: Vec<f64> = known.iter().map(|extreme| extreme.value).collect();
-        Self {
-            median: (!values.is_empty()).then(|| median(&values)),
-            most: known.last().copied(),
-        }
     }
 }
 

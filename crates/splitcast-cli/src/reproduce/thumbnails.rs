@@ -7,9 +7,9 @@ use splitcast_render::{
 };
 use splitcast_report::Image;
 
-use super::scene::Scene;
 use super::settings::{Contender, Settings};
 use crate::error::CliError;
+use crate::scene::Scene;
 use crate::trees::build_tree;
 
 /// Most pictures of a scene.

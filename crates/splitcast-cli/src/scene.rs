@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use splitcast::{NonFinite, SequenceBuilder};
-use splitcast_console::{Excerpt, FrameRange, Input, Progress, Watched, count, warn};
+use splitcast::{BuildOptions, NonFinite};
+use splitcast_console::{Excerpt, FrameRange, Input, Progress, Watched, warn};
 use splitcast_scene::{Frame, SequenceInfo};
 
 use crate::error::CliError;
-use crate::trees::{build_tree, mesh};
+use crate::trees::{mesh, try_build};
 
 /// An input, and which of its frames are measured.
 pub(crate) struct Scene {
@@ -27,7 +27,7 @@ impl Scene {
     pub(crate) fn open(
         input: &Path,
         range: Option<FrameRange>,
-        builder: &SequenceBuilder,
+        options: &BuildOptions,
     ) -> Result<Self, CliError> {
         let input = Input::open(input)?;
         let range = input.frame_range(range)?;
@@ -41,10 +41,10 @@ impl Scene {
         let name = info.name.clone();
         let (mut measured, mut notes) = (Vec::new(), Vec::new());
         for index in 0..info.frames.len() {
-            if has_no_triangle(&mut excerpt, index, &info, builder)? {
+            if has_no_triangle(&mut excerpt, index, &info, options)? {
                 let note = format!(
-                    "Frame {} ({}) has no triangle to build a tree over. It is left out; the \
-                     filters go on behind it with what they knew before.",
+                    "Frame {} ({}) has no triangle to build a tree over. It is left out; \
+                     what is tracked goes on behind it as it was.",
                     excerpt.number(index),
                     excerpt.place(index)
                 );
@@ -54,24 +54,8 @@ impl Scene {
                 measured.push(index);
             }
         }
-        let Some(&first) = measured.first() else {
+        if measured.is_empty() {
             return Err(CliError::NothingToMeasure { name });
-        };
-        if measured.len() == 1 {
-            notes.push(format!(
-                "Only frame {} is measured, so there is no running build, and every figure of one \
-                 is missing.",
-                excerpt.number(first)
-            ));
-        }
-        let changes = excerpt.topology_changes(&measured)?;
-        if let Some(&first) = changes.first() {
-            notes.push(format!(
-                "The triangles change {}, first at frame {}. Tracking goes on across such a \
-                 change, since it follows planes and not vertices.",
-                count(changes.len(), "time"),
-                excerpt.number(first)
-            ));
         }
         Ok(Self {
             name,
@@ -80,6 +64,11 @@ impl Scene {
             notes,
             excerpt,
         })
+    }
+
+    /// Those of the measured frames whose triangles differ from those of the one before.
+    pub(crate) fn topology_changes(&mut self) -> Result<Vec<usize>, CliError> {
+        Ok(self.excerpt.topology_changes(&self.measured)?)
     }
 
     /// Frame `index` of the excerpt.
@@ -98,13 +87,30 @@ impl Scene {
     }
 }
 
+/// A frame with its name for messages.
+pub(crate) struct FrameAt<'f> {
+    pub(crate) frame: &'f Frame,
+    pub(crate) number: usize,
+    pub(crate) place: String,
+}
+
+impl<'f> FrameAt<'f> {
+    pub(crate) fn new(scene: &Scene, index: usize, frame: &'f Frame) -> Self {
+        Self {
+            frame,
+            number: scene.number(index),
+            place: scene.place(index),
+        }
+    }
+}
+
 /// Whether a frame has nothing to build a tree over. Refuses a frame with
 /// vertices that are not finite, unless their triangles are to be skipped.
 fn has_no_triangle(
     excerpt: &mut Excerpt,
     index: usize,
     info: &SequenceInfo,
-    builder: &SequenceBuilder,
+    options: &BuildOptions,
 ) -> Result<bool, CliError> {
     let found = info.frames[index];
     if found.non_finite == 0 || found.triangles == 0 {
@@ -112,9 +118,9 @@ fn has_no_triangle(
     }
     let (number, place) = (excerpt.number(index), excerpt.place(index));
     let frame = excerpt.get(index)?;
-    match builder.options().non_finite {
+    match options.non_finite {
         NonFinite::Reject => {
-            build_tree(&frame, &mut builder.clone(), number, &place)?;
+            try_build(&frame, options, number, &place)?;
             Ok(false)
         }
         NonFinite::Skip => {

@@ -293,13 +293,22 @@ fn on_off_parser() -> impl TypedValueParser<Value = bool> {
 }
 
 fn non_finite_parser() -> impl TypedValueParser<Value = NonFinite> {
-    PossibleValuesParser::new(["reject", "skip"]).map(|name| {
-        if name == "skip" {
+    let [reject, skip] = [NonFinite::Reject, NonFinite::Skip].map(non_finite_name);
+    PossibleValuesParser::new([reject, skip]).map(move |name| {
+        if name == skip {
             NonFinite::Skip
         } else {
             NonFinite::Reject
         }
     })
+}
+
+/// How the choice is written on the command line and in results.
+pub(crate) fn non_finite_name(choice: NonFinite) -> &'static str {
+    match choice {
+        NonFinite::Reject => "reject",
+        NonFinite::Skip => "skip",
+    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ mod reproduce;
 mod scene;
 mod scenes;
 mod summary;
+mod threads;
 mod trees;
 
 use std::process::ExitCode;

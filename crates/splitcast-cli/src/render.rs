@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::Instant;
 
-use splitcast::{Aabb, BuildOptions, NonFinite, SequenceBuilder};
+use splitcast::{Aabb, BuildOptions, SequenceBuilder};
 use splitcast_console::{Input, Progress, Watched, count, figure, warn};
 use splitcast_render::{
     Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
@@ -15,11 +15,12 @@ use splitcast_render::{
 };
 use splitcast_scene::{Frame, FrameSource, Prefetch, SequenceInfo};
 
-use crate::args::RenderArgs;
+use crate::args::{RenderArgs, non_finite_name};
 use crate::error::CliError;
 use crate::fingerprint::Fingerprint;
 use crate::report::{FrameReport, Report, milliseconds};
 use crate::summary::{megarays, summary};
+use crate::threads;
 use crate::trees::{build_tree, refuse_non_finite};
 
 /// Renders what the arguments ask for.
@@ -33,7 +34,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
         check_writable(json)?;
     }
     // Built-in scenes are made by the workers too, so these have to stand first.
-    let threads = start_threads(args)?;
+    let threads = threads::number(args.threads);
+    threads::start_global(threads)?;
     let mut input = Input::open(&args.input)?;
     let frames = input.frame_range(args.frames)?;
     let mut output = OutputOptions {
@@ -137,19 +139,6 @@ fn render_options(args: &RenderArgs) -> RenderOptions {
     }
 }
 
-/// Starts the workers that build and trace, and gives their number.
-fn start_threads(args: &RenderArgs) -> Result<usize, CliError> {
-    let threads = args
-        .threads
-        .or_else(|| std::thread::available_parallelism().ok())
-        .map_or(1, usize::from);
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build_global()
-        .map_err(|_| CliError::Threads(threads))?;
-    Ok(threads)
-}
-
 /// Goes through the whole input once: camera and ground have to suit every
 /// frame, also when only some are rendered.
 fn measure(source: &mut dyn FrameSource) -> Result<(SequenceInfo, String), CliError> {
@@ -196,14 +185,7 @@ fn settings(
         .with("ground", if options.ground { "on" } else { "off" })
         .with("exposure", options.exposure)
         .with("builder", args.builder)
-        .with(
-            "non-finite",
-            if args.non_finite == NonFinite::Skip {
-                "skip"
-            } else {
-                "reject"
-            },
-        )
+        .with("non-finite", non_finite_name(args.non_finite))
         .with("input's content", content)
         .with("eye", vector(view.eye))
         .with("look-at", vector(view.look_at))

@@ -26,6 +26,7 @@ use splitcast_scene::builtin;
 use crate::args::ReproduceArgs;
 use crate::error::CliError;
 use crate::scene::Scene;
+use crate::threads;
 
 use builds::SceneMeasurement;
 use figures::SceneFigures;
@@ -74,11 +75,7 @@ pub(crate) fn run(args: &ReproduceArgs) -> Result<(), CliError> {
     // What can be refused at once comes first, what takes time last.
     let settings = Settings::new(args)?;
     let folder = ResultFolder::check(&args.out, &[CSV, MEASUREMENTS, PAGE], args.json.as_deref())?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(settings.threads)
-        .build()
-        .map_err(|_| CliError::Threads(settings.threads))?;
-    // Whatever is timed runs on a worker, so that no build waits for one to wake up.
+    let pool = threads::start(settings.threads)?;
     let rows = pool.install(|| reproduce(args, &settings, &folder))?;
     let mut out = io::stdout().lock();
     out.write_all(terminal::table_1(&rows).as_bytes())?;

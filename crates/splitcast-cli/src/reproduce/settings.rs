@@ -6,11 +6,10 @@ use std::str::FromStr;
 use serde::{Serialize, Serializer};
 use splitcast::filter::NoiseParameters;
 use splitcast::{
-    BuildOptions, Builder, MAX_DEPTH, NonFinite, Orientation, SearchOptions, SequenceBuilder,
-    TrackingOptions,
+    BuildOptions, Builder, MAX_DEPTH, Orientation, SearchOptions, SequenceBuilder, TrackingOptions,
 };
 
-use crate::args::ReproduceArgs;
+use crate::args::{ReproduceArgs, non_finite_name};
 use crate::error::CliError;
 
 /// A builder that is measured.
@@ -160,10 +159,7 @@ impl Settings {
             orientation_normal: search.orientation,
             orientation_running: tracking.orientation,
             frames,
-            non_finite: match args.non_finite {
-                NonFinite::Reject => "reject",
-                NonFinite::Skip => "skip",
-            },
+            non_finite: non_finite_name(args.non_finite),
             nodes: args.node.clone(),
             base,
         })

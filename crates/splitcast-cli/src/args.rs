@@ -13,7 +13,7 @@ use splitcast_render::{DEFAULT_FOV_DEGREES, Quality, View};
 
 use crate::error::CliError;
 use crate::reproduce::NodePath;
-use crate::{info, render, reproduce, scenes};
+use crate::{info, render, reproduce, scenes, track};
 
 /// Most times that a measurement can be repeated.
 const MAX_ROUNDS: usize = 1000;
@@ -32,6 +32,8 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Measure the paper's tracked builds: its table and figures, and a page of both
     Reproduce(ReproduceArgs),
+    /// Follow an animation with a tracked tree: times and quality of every update
+    Track(TrackArgs),
     /// List the built-in scenes, or export one as mesh files
     #[command(args_conflicts_with_subcommands = true)]
     Scenes(ScenesArgs),
@@ -45,6 +47,7 @@ impl Command {
         match self {
             Self::Render(args) => render::run(&args),
             Self::Reproduce(args) => reproduce::run(&args),
+            Self::Track(args) => track::run(&args),
             Self::Scenes(ScenesArgs {
                 command: Some(ScenesCommand::Export { name, folder }),
                 ..
@@ -216,6 +219,33 @@ pub(crate) struct ReproduceArgs {
     /// What to do about vertices at NaN or infinity: reject the input, or skip their triangles
     #[arg(long, value_name = "WHAT", default_value = "reject", value_parser = non_finite_parser())]
     pub(crate) non_finite: NonFinite,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct TrackArgs {
+    /// A built-in scene, a mesh file, a folder, a glob or a numbered pattern
+    #[arg(value_name = "INPUT")]
+    pub(crate) input: PathBuf,
+
+    /// Rebuild every frame as well, and compare: time and cost of update and rebuild
+    #[arg(long)]
+    pub(crate) reference: bool,
+
+    /// Frames from A up to but not including B, counted from 0 [default: all]
+    #[arg(long, value_name = "A:B", value_parser = parse_frames, allow_negative_numbers = true)]
+    pub(crate) frames: Option<FrameRange>,
+
+    /// Worker threads [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = parse_threads, allow_negative_numbers = true)]
+    pub(crate) threads: Option<NonZeroUsize>,
+
+    /// What to do about vertices at NaN or infinity: reject the input, or skip their triangles
+    #[arg(long, value_name = "WHAT", default_value = "reject", value_parser = non_finite_parser())]
+    pub(crate) non_finite: NonFinite,
+
+    /// Write the figures of every frame to this file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]

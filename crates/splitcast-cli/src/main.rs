@@ -13,6 +13,7 @@ mod scene;
 mod scenes;
 mod summary;
 mod threads;
+mod track;
 mod trees;
 
 use std::process::ExitCode;

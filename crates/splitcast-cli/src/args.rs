@@ -114,9 +114,10 @@ pub(crate) struct RenderArgs {
 
     /// How trees are built
     ///
-    /// binned rebuilds fast, sweep exactly; search is the paper's normal build, kalman and wiener
-    /// track its planes from frame to frame. The picture is the same with all of them.
-    #[arg(long, value_name = "NAME", default_value = Builder::default().name(), value_parser = builder_parser())]
+    /// tracked carries over from frame to frame what still holds; binned rebuilds fast, sweep
+    /// exactly; search is the paper's normal build, kalman and wiener track its planes. The picture
+    /// is the same with all of them.
+    #[arg(long, value_name = "NAME", default_value = Builder::Tracked.name(), value_parser = builder_parser())]
     pub(crate) builder: Builder,
 
     /// Worker threads [default: one a processor]

@@ -7,11 +7,11 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::Instant;
 
-use splitcast::{Aabb, BuildOptions, SequenceBuilder};
+use splitcast::{Aabb, BuildOptions, Builder, SequenceBuilder};
 use splitcast_console::{Input, Progress, Watched, count, figure, warn};
 use splitcast_render::{
     Camera, Image, OutputOptions, OutputSpec, OutputThread, Perspective, RenderOptions, Renderer,
-    Resumed, Settings, Shading, check_writable,
+    Resumed, Settings, Shading, View, check_writable,
 };
 use splitcast_scene::{Frame, FrameSource, Prefetch, SequenceInfo};
 
@@ -68,28 +68,43 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     let view = perspective(args, &info.outline)?;
     let renderer = Renderer::new(Camera::new(&view)?, &bounds, options)?;
     output.settings = settings(args, &view, renderer.options(), &info.name, &content);
+    let shows_tracking = shows_tracking(args);
+    if shows_tracking {
+        output.settings = output.settings.with("first frame", frames.start);
+    }
 
     let sink = spec.open(output.clone())?;
     let resumed = sink.resumed().clone();
     tell_resumed(&args.out, args.resume, &resumed);
     let name = info.name.clone();
-    let todo: Vec<usize> = frames.filter(|&index| !sink.is_done(index)).collect();
+    let is_open = |&index: &usize| !sink.is_done(index);
+    let todo: Vec<usize> = frames.clone().filter(is_open).collect();
+    let visited: Vec<usize> = match todo.last() {
+        Some(&last) if shows_tracking => (frames.start..=last).collect(),
+        _ => todo.clone(),
+    };
     let mut writer = OutputThread::new(sink);
     let mut progress = Progress::new("rendering", todo.len());
     let mut reports = Vec::with_capacity(todo.len());
     let place = |index| input.place(index);
-    let places: Vec<String> = todo.iter().map(|&index| place(index)).collect();
+    let places: Vec<String> = visited.iter().map(|&index| place(index)).collect();
     let mut finished = None;
-    for (item, place) in Prefetch::new(input.source, todo).zip(places) {
+    for (item, place) in Prefetch::new(input.source, visited).zip(places) {
         let rendered = item.map_err(CliError::from).and_then(|(index, frame)| {
+            if todo.binary_search(&index).is_err() {
+                build_tree(&frame, &mut builder, index, &place)?;
+                return Ok(None);
+            }
             let hand_over = || hand_over(&mut writer, finished.take());
-            render_frame(&renderer, &mut builder, index, &frame, place, hand_over)
+            render_frame(&renderer, &mut builder, index, &frame, place, hand_over).map(Some)
         });
         if rendered.is_err() {
             // What was rendered before is kept, for --resume.
             hand_over(&mut writer, finished.take())?;
         }
-        let (report, image) = rendered?;
+        let Some((report, image)) = rendered? else {
+            continue;
+        };
         finished = Some((report.frame, image));
         progress.step(&progress_message(&report));
         reports.push(report);
@@ -153,6 +168,18 @@ fn measure(source: &mut dyn FrameSource) -> Result<(SequenceInfo, String), CliEr
     };
     let info = SequenceInfo::measure(&mut watched)?;
     Ok((info, fingerprint.digits()))
+}
+
+/// Whether pictures show what a builder has carried over from the frames before, so that
+/// it has to see them even if they are rendered already. All other pictures depend on
+/// their own frame alone.
+fn shows_tracking(args: &RenderArgs) -> bool {
+    let shows_tree = !matches!(args.view, View::Beauty | View::Normals);
+    let tracks = !matches!(
+        args.builder,
+        Builder::Binned | Builder::Search | Builder::Sweep
+    );
+    shows_tree && tracks
 }
 
 fn perspective(args: &RenderArgs, outline: &[[f32; 3]]) -> Result<Perspective, CliError> {

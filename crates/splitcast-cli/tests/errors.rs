@@ -126,9 +126,7 @@ fn skipping_leaves_out_and_counts() {
             "a.json",
         ])
         .success();
-    let report = std::fs::read_to_string(place.path("a.json")).unwrap();
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    assert_eq!(report["frames"][0]["skipped_triangles"], 3);
+    assert_eq!(place.json("a.json")["frames"][0]["skipped_triangles"], 3);
 }
 
 #[test]

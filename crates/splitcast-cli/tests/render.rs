@@ -3,7 +3,6 @@
 mod common;
 
 use common::Place;
-use serde_json::Value;
 
 const TARGETS: [&str; 4] = ["film.mp4", "film.apng", "frame_%02d.png", "frame_%02d.exr"];
 
@@ -86,8 +85,7 @@ fn a_resumed_run_gives_the_bytes_of_an_uninterrupted_one() {
             .render(&["in", "--out", &parts, "--resume", "--json", "r.json"])
             .success();
         assert_eq!(place.contents("whole"), place.contents("parts"), "{target}");
-        let report: Value =
-            serde_json::from_slice(&std::fs::read(place.path("r.json")).unwrap()).unwrap();
+        let report = place.json("r.json");
         if target.contains('%') {
             assert_eq!(
                 report["resumed_frames"],
@@ -152,14 +150,15 @@ fn a_killed_run_leaves_whole_frames_and_goes_on() {
         child.wait().unwrap();
         assert!(!place.exists(&format!("{folder}/film.mp4")));
 
-        let report = place.path("r.json");
         let mut resumed: Vec<String> = args(&folder).into();
         resumed.extend(["--resume", "--json", "r.json"].map(str::to_owned));
         place
             .run(&resumed.iter().map(String::as_str).collect::<Vec<_>>())
             .success();
-        let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
-        let kept = report["resumed_frames"].as_array().unwrap().len();
+        let kept = place.json("r.json")["resumed_frames"]
+            .as_array()
+            .unwrap()
+            .len();
         assert!(
             (3..24).contains(&kept),
             "{kept} frames of the killed run were kept"
@@ -208,6 +207,24 @@ fn frames_of_other_settings_are_not_mixed() {
         "{}",
         outcome.stderr
     );
+    let outcome = place
+        .render(&[
+            "in",
+            "--out",
+            "f_%d.png",
+            "--resume",
+            "--flat",
+            "--builder",
+            "binned",
+        ])
+        .success();
+    assert!(
+        outcome
+            .stderr
+            .contains("builder was tracked and is now binned"),
+        "{}",
+        outcome.stderr
+    );
 }
 
 #[test]
@@ -238,8 +255,7 @@ fn the_report_holds_every_frame() {
         outcome.stderr
     );
     assert!(place.exists("f_01.png") && place.exists("f_02.png") && !place.exists("f_00.png"));
-    let report: Value =
-        serde_json::from_slice(&std::fs::read(place.path("r.json")).unwrap()).unwrap();
+    let report = place.json("r.json");
     let frames = report["frames"].as_array().unwrap();
     let numbers: Vec<_> = frames
         .iter()
@@ -275,4 +291,38 @@ fn one_frame_needs_no_pattern() {
         .render(&["in/frame_02.ply", "--out", "other.exr"])
         .success();
     assert!(place.exists("still.png") && place.exists("other.exr"));
+}
+
+/// A view of the tree shows what was carried over, so a resumed run has to follow the frames
+/// that it does not render, and frames that were tracked from elsewhere are not its own.
+#[test]
+fn a_resumed_view_of_a_tracked_tree_is_that_of_an_uninterrupted_run() {
+    let place = Place::new();
+    place.write_sheets("in", 4);
+    for builder in ["kalman", "tracked"] {
+        let render = |folder: &str, flags: &[&str]| {
+            place.write(&format!("{folder}/keep"), "");
+            let out = format!("{folder}/frame_%d.png");
+            let view = ["in", "--out", &out, "--view", "steps", "--builder", builder];
+            place.render(&[&view, flags].concat()).success()
+        };
+        let (whole, parts) = (format!("whole_{builder}"), format!("parts_{builder}"));
+        render(&whole, &[]);
+        render(&parts, &[]);
+        std::fs::remove_file(place.path(&format!("{parts}/frame_2.png"))).unwrap();
+        let outcome = render(&parts, &["--resume", "--json", "r.json"]);
+        assert!(
+            outcome.stdout.contains("3 frames kept"),
+            "{}",
+            outcome.stdout
+        );
+        assert_eq!(place.json("r.json")["frames"].as_array().unwrap().len(), 1);
+        assert_eq!(place.contents(&whole), place.contents(&parts), "{builder}");
+        let outcome = render(&parts, &["--resume", "--frames", "2:"]);
+        assert!(
+            outcome.stderr.contains("first frame was 0 and is now 2"),
+            "{}",
+            outcome.stderr
+        );
+    }
 }

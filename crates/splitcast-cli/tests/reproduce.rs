@@ -2,9 +2,7 @@
 
 mod common;
 
-use std::fmt::Write;
-
-use common::{Place, header, tetrahedron};
+use common::{Place, header, sheet, tetrahedron};
 use serde_json::Value;
 
 /// Fields that every row of the table has.
@@ -26,41 +24,9 @@ const FIELDS: [&str; 15] = [
     "filter_overhead_ms",
 ];
 
-/// A bumpy sheet of `2 * n * n` triangles whose bumps move with `phase`, as ASCII PLY.
-fn sheet(n: u32, phase: f32) -> String {
-    let mut text = header(u64::from((n + 1) * (n + 1)), u64::from(2 * n * n));
-    for i in 0..=n {
-        for j in 0..=n {
-            let (x, y) = (i as f32 / n as f32, j as f32 / n as f32);
-            let z = 0.4 * (7.0 * x + phase).sin() * (5.0 * y - phase).cos();
-            writeln!(text, "{} {y} {z}", x + 0.1 * phase).unwrap();
-        }
-    }
-    for i in 0..n {
-        for j in 0..n {
-            let (a, b) = (i * (n + 1) + j, (i + 1) * (n + 1) + j);
-            writeln!(text, "3 {a} {b} {}", b + 1).unwrap();
-            writeln!(text, "3 {a} {} {}", b + 1, a + 1).unwrap();
-        }
-    }
-    text
-}
-
-/// `count` frames of a sheet that moves.
-fn write_sheets(place: &Place, folder: &str, count: usize) {
-    for frame in 0..count {
-        let phase = 0.05 * frame as f32;
-        place.write(&format!("{folder}/sheet_{frame}.ply"), sheet(16, phase));
-    }
-}
-
 /// Runs the command with one round.
 fn reproduce(place: &Place, args: &[&str]) -> common::Outcome {
     place.run(&[&["reproduce", "--rounds", "1"], args].concat())
-}
-
-fn json(place: &Place, file: &str) -> Value {
-    serde_json::from_slice(&std::fs::read(place.path(file)).unwrap()).unwrap()
 }
 
 fn text(place: &Place, file: &str) -> String {
@@ -70,7 +36,7 @@ fn text(place: &Place, file: &str) -> String {
 #[test]
 fn table_figures_and_page() {
     let place = Place::new();
-    write_sheets(&place, "in", 5);
+    place.write_sheets("in", 5);
     let outcome = place
         .run(&[
             "reproduce",
@@ -93,7 +59,7 @@ fn table_figures_and_page() {
         text(&place, "results/run/table1.json")
     );
 
-    let table = json(&place, "table.json");
+    let table = place.json("table.json");
     assert_eq!(table["seed"], 7);
     assert_eq!(table["settings"]["rounds"], 2);
     assert!(table["machine"]["cpu"].is_string() && table["machine"]["commit"].is_string());
@@ -176,12 +142,12 @@ fn check_page(page: &str) {
 #[test]
 fn trees_and_predictions_do_not_depend_on_the_run() {
     let place = Place::new();
-    write_sheets(&place, "in", 3);
+    place.write_sheets("in", 3);
     for (out, threads) in [("a", "1"), ("b", "2")] {
         reproduce(&place, &["in", "--out", out, "--threads", threads]).success();
     }
     let figures = |out: &str| {
-        let rows = json(&place, &format!("{out}/table1.json"))["scenes"].clone();
+        let rows = place.json(&format!("{out}/table1.json"))["scenes"].clone();
         let fields = [
             "prediction_rmse_relative",
             "sah_ratio_to_sweep",
@@ -204,10 +170,10 @@ fn trees_and_predictions_do_not_depend_on_the_run() {
 #[test]
 fn one_frame_has_no_running_build() {
     let place = Place::new();
-    write_sheets(&place, "in", 3);
+    place.write_sheets("in", 3);
     let outcome = reproduce(&place, &["in", "--frames", "1"]).success();
     assert!(outcome.stdout.contains(" - "), "{}", outcome.stdout);
-    let table = json(&place, "reproduction/table1.json");
+    let table = place.json("reproduction/table1.json");
     let row = &table["scenes"][0];
     assert_eq!(row["frames"], 1);
     for field in ["normal_ms", "initial_ms", "evaluations_per_split_normal"] {
@@ -230,13 +196,13 @@ fn one_frame_has_no_running_build() {
 #[test]
 fn an_empty_frame_is_left_out_and_named() {
     let place = Place::new();
-    write_sheets(&place, "in", 4);
+    place.write_sheets("in", 4);
     place.write("in/sheet_2.ply", header(3, 0) + "0 0 0\n1 0 0\n0 1 0\n");
     let outcome = reproduce(&place, &["in"]).success();
     let warned =
         |line: &str| line.starts_with("warning: Frame 2 (") && line.contains("sheet_2.ply");
     assert!(outcome.stderr.lines().any(warned), "{}", outcome.stderr);
-    let measured = json(&place, "reproduction/measurements.json");
+    let measured = place.json("reproduction/measurements.json");
     let frames = measured["scenes"][0]["frames"].as_array().unwrap();
     let numbers: Vec<_> = frames
         .iter()
@@ -260,7 +226,7 @@ fn topology_may_change() {
         );
     }
     reproduce(&place, &["in"]).success();
-    let row = json(&place, "reproduction/table1.json")["scenes"][0].clone();
+    let row = place.json("reproduction/table1.json")["scenes"][0].clone();
     assert!(row["running_ms"].is_f64() && row["triangles"] == 2 * 17 * 17);
     let page = text(&place, "reproduction/report.html");
     assert!(page.contains("The triangles change 2 times, first at frame 1"));
@@ -271,7 +237,7 @@ fn trees_without_a_split_have_no_figures_of_splits() {
     let place = Place::new();
     place.write_frames("in", 3);
     reproduce(&place, &["in"]).success();
-    let row = json(&place, "reproduction/table1.json")["scenes"][0].clone();
+    let row = place.json("reproduction/table1.json")["scenes"][0].clone();
     assert!(row["normal_ms"].is_f64());
     for field in ["orientation_mismatch_rate", "prediction_rmse_relative"] {
         assert!(row[field].is_null(), "{field}: {row}");
@@ -282,7 +248,7 @@ fn trees_without_a_split_have_no_figures_of_splits() {
 #[test]
 fn nodes_are_chosen_by_their_way_from_the_root() {
     let place = Place::new();
-    write_sheets(&place, "in", 3);
+    place.write_sheets("in", 3);
     let far = "l".repeat(40);
     let outcome = reproduce(&place, &["in", "--node", "L", "--node", &far]).success();
     assert!(
@@ -303,12 +269,12 @@ fn nodes_are_chosen_by_their_way_from_the_root() {
 #[test]
 fn two_scenes_of_one_name_are_told_apart() {
     let place = Place::new();
-    write_sheets(&place, "a", 2);
-    write_sheets(&place, "b", 2);
+    place.write_sheets("a", 2);
+    place.write_sheets("b", 2);
     reproduce(&place, &["a", "b"]).success();
     assert!(place.exists("reproduction/sheet-outcomes.svg"));
     assert!(place.exists("reproduction/sheet-2-outcomes.svg"));
-    let table = json(&place, "reproduction/table1.json");
+    let table = place.json("reproduction/table1.json");
     let names = table["scenes"].as_array().unwrap().iter();
     let names: Vec<&str> = names.map(|row| row["scene"].as_str().unwrap()).collect();
     assert_eq!(names, ["sheet", "sheet", "sheet-2", "sheet-2"]);
@@ -317,7 +283,7 @@ fn two_scenes_of_one_name_are_told_apart() {
 #[test]
 fn wrong_requests_are_refused_before_any_work() {
     let place = Place::new();
-    write_sheets(&place, "in", 2);
+    place.write_sheets("in", 2);
     place.write("file", "x");
     place.write("nan/sheet_0.ply", sheet(4, 0.0));
     place.write(
@@ -364,7 +330,7 @@ fn wrong_requests_are_refused_before_any_work() {
         );
     }
     let outcome = reproduce(&place, &["nan", "--non-finite", "skip"]).success();
-    let measured = json(&place, "reproduction/measurements.json");
+    let measured = place.json("reproduction/measurements.json");
     let skipped = &measured["scenes"][0]["frames"][1]["skipped_triangles"];
     assert_eq!(skipped, 3, "{}", outcome.stderr);
 }

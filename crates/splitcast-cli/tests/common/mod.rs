@@ -3,10 +3,12 @@
 // Every test binary has its own copy of this module and uses its own part of it.
 #![allow(dead_code)]
 
+use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use serde_json::Value;
 
 /// Flags that make a frame take milliseconds.
 pub(crate) const SMALL: &[&str] = &[
@@ -55,6 +57,20 @@ impl Place {
             let x = 0.3 * index as f32;
             self.write(&format!("{folder}/frame_{index:02}.ply"), tetrahedron(x));
         }
+    }
+
+    /// `count` frames of a sheet that moves.
+    pub(crate) fn write_sheets(&self, folder: &str, count: usize) {
+        for frame in 0..count {
+            let phase = 0.05 * frame as f32;
+            self.write(&format!("{folder}/sheet_{frame}.ply"), sheet(16, phase));
+        }
+    }
+
+    /// What a file holds as JSON.
+    pub(crate) fn json(&self, name: &str) -> Value {
+        let bytes = fs::read(self.path(name)).expect("a file");
+        serde_json::from_slice(&bytes).expect("JSON")
     }
 
     pub(crate) fn run(&self, args: &[&str]) -> Outcome {
@@ -126,6 +142,26 @@ pub(crate) fn tetrahedron(x: f32) -> String {
         text.push_str(&format!("{} {b} {c}\n", a + x));
     }
     text + "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
+}
+
+/// A bumpy sheet of `2 * n * n` triangles whose bumps move with `phase`, as ASCII PLY.
+pub(crate) fn sheet(n: u32, phase: f32) -> String {
+    let mut text = header(u64::from((n + 1) * (n + 1)), u64::from(2 * n * n));
+    for i in 0..=n {
+        for j in 0..=n {
+            let (x, y) = (i as f32 / n as f32, j as f32 / n as f32);
+            let z = 0.4 * (7.0 * x + phase).sin() * (5.0 * y - phase).cos();
+            writeln!(text, "{} {y} {z}", x + 0.1 * phase).unwrap();
+        }
+    }
+    for i in 0..n {
+        for j in 0..n {
+            let (a, b) = (i * (n + 1) + j, (i + 1) * (n + 1) + j);
+            writeln!(text, "3 {a} {b} {}", b + 1).unwrap();
+            writeln!(text, "3 {a} {} {}", b + 1, a + 1).unwrap();
+        }
+    }
+    text
 }
 
 /// The header of an ASCII PLY.

@@ -42,8 +42,10 @@ impl Aabb {
     #[inline]
     #[must_use]
     pub fn union(mut self, other: &Self) -> Self {
-        self.grow(other.min);
-        self.grow(other.max);
+        for axis in 0..3 {
+            self.min[axis] = self.min[axis].min(other.min[axis]);
+            self.max[axis] = self.max[axis].max(other.max[axis]);
+        }
         self
     }
 

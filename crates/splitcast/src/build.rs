@@ -12,11 +12,13 @@ mod limits;
 mod line_search;
 mod plane_search;
 mod references;
+mod regions;
 mod running;
 mod search;
 mod straddlers;
 mod subtree;
 mod sweep;
+mod tracked;
 
 use std::fmt;
 use std::str::FromStr;
@@ -28,10 +30,12 @@ pub(crate) use cell_areas::CellAreas;
 pub(crate) use counts::count_sides_anywhere;
 use limits::Limits;
 pub(crate) use references::{Reference, Triangles};
+pub(crate) use regions::TrackedTree;
 pub(crate) use running::{History, NodeRecord};
 pub use running::{InitialState, Outcome, TrackingOptions};
 pub use search::{Orientation, ParseOrientationError, SearchOptions};
 pub(crate) use subtree::{NodeWriter, Subtree};
+pub(crate) use tracked::{Amount, Budget, Moved, TrackedUpdate, update};
 
 /// The deepest tree that traversal's fixed stack can hold.
 pub const MAX_DEPTH: u32 = 60;

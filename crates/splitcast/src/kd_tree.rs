@@ -1,6 +1,8 @@
 //! The kd-tree: nodes of 8 bytes in depth-first order, leaves over a shared
 //! list of triangle references.
 
+use std::sync::Arc;
+
 use crate::build::Scratch;
 use crate::{Aabb, BuildError, BuildOptions, CostModel, Mesh, build};
 
@@ -110,8 +112,9 @@ pub struct NodeVisit {
 pub struct KdTree<'m> {
     mesh: Mesh<'m>,
     bounds: Aabb,
-    nodes: Vec<Node>,
-    references: Vec<u32>,
+    /// Shared with the tracker that made the tree, which starts the next one from it.
+    nodes: Arc<Vec<Node>>,
+    references: Arc<Vec<u32>>,
     cost: CostModel,
     skipped_triangles: usize,
 }
@@ -144,11 +147,34 @@ impl<'m> KdTree<'m> {
         Self {
             mesh,
             bounds,
-            nodes,
-            references,
+            nodes: Arc::new(nodes),
+            references: Arc::new(references),
             cost,
             skipped_triangles,
         }
+    }
+
+    /// A tree of the nodes and references of another, over a mesh whose triangles are in the same
+    /// places.
+    pub(crate) fn from_shared(
+        mesh: Mesh<'m>,
+        bounds: Aabb,
+        (nodes, references): (Arc<Vec<Node>>, Arc<Vec<u32>>),
+        cost: CostModel,
+    ) -> Self {
+        Self {
+            mesh,
+            bounds,
+            nodes,
+            references,
+            cost,
+            skipped_triangles: 0,
+        }
+    }
+
+    /// Nodes and references, to be shared.
+    pub(crate) fn storage(&self) -> (Arc<Vec<Node>>, Arc<Vec<u32>>) {
+        (Arc::clone(&self.nodes), Arc::clone(&self.references))
     }
 
     /// The mesh that the tree was built over.

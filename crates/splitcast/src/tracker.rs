@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use crate::build::{self, Scratch};
+use crate::build::{self, Amount, Budget, Moved, TrackedTree, TrackedUpdate};
 use crate::{BuildError, BuildOptions, Builder, KdTree, Mesh, OptionsError};
 
 /// Keeps a tree over a deforming mesh: give it frame after frame.
@@ -30,6 +30,7 @@ use crate::{BuildError, BuildOptions, Builder, KdTree, Mesh, OptionsError};
 pub struct Tracker {
     options: BuildOptions,
     frames: u64,
+    last: Option<TrackedTree>,
 }
 
 /// What an update gives.
@@ -48,32 +49,37 @@ pub struct UpdateReport {
     pub frame: u64,
     /// Time from the call to the tree.
     pub time: Duration,
+    /// The part of it that building took.
+    pub building: Duration,
     /// Parts of the tree that are as they were.
     pub kept: Share,
-    /// Parts whose planes were moved to where they were predicted, without a
-    /// search.
-    pub moved: Share,
-    /// Parts whose planes were searched near what was predicted.
-    pub searched: Share,
     /// Parts that were built anew.
     pub rebuilt: Share,
+    /// Parts that were built anew with large leaves, because there was no time for more.
+    pub coarse: Share,
     /// Expected cost of a ray ([`TreeStats::sah_cost`](crate::TreeStats::sah_cost)).
     pub sah_cost: f64,
-    /// The cost over that of a full rebuild, estimated.
+    /// The cost over that of the last tree that was built as a whole: an
+    /// estimate of how much worse the tree is than a new one.
     pub sah_ratio: f64,
-    /// Memory that the tracker holds from this update to the next, without the tree, in bytes.
+    /// Memory that the tracker holds from this update to the next, without the
+    /// tree, which it shares, in bytes.
     pub tracker_bytes: usize,
 }
 
 /// A part of a tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Share {
     /// Nodes of both kinds.
     pub nodes: usize,
     /// References in leaves.
     pub references: usize,
-    /// Time spent, over all threads.
-    pub time: Duration,
+}
+
+impl From<Amount> for Share {
+    fn from(Amount { nodes, references }: Amount) -> Self {
+        Self { nodes, references }
+    }
 }
 
 impl Tracker {
@@ -90,6 +96,7 @@ impl Tracker {
                 ..*options
             },
             frames: 0,
+            last: None,
         })
     }
 
@@ -104,23 +111,7 @@ impl Tracker {
     /// # Errors
     /// As [`KdTree::build`]; the tracker is then as if it had not been called.
     pub fn update<'m>(&mut self, mesh: Mesh<'m>) -> Result<Update<'m>, BuildError> {
-        let started = Instant::now();
-        let tree = build::build(mesh, &self.options, None, &mut Scratch::default())?.tree;
-        let stats = tree.stats();
-        let report = UpdateReport {
-            frame: self.frames,
-            time: started.elapsed(),
-            rebuilt: Share {
-                nodes: stats.nodes,
-                references: stats.references,
-                time: started.elapsed(),
-            },
-            sah_cost: stats.sah_cost,
-            sah_ratio: 1.0,
-            ..UpdateReport::default()
-        };
-        self.frames += 1;
-        Ok(Update { tree, report })
+        self.advance(mesh, &Moved::Unknown, None)
     }
 
     /// [`Tracker::update`] for a frame in which only the triangles in `dirty` have moved
@@ -137,8 +128,7 @@ impl Tracker {
         mesh: Mesh<'m>,
         dirty: &[Range<usize>],
     ) -> Result<Update<'m>, BuildError> {
-        let _ = dirty;
-        self.update(mesh)
+        self.advance(mesh, &Moved::Only(dirty), None)
     }
 
     /// [`Tracker::update`] that spends about `budget` at most. The tree is valid
@@ -152,12 +142,49 @@ impl Tracker {
         mesh: Mesh<'m>,
         budget: Duration,
     ) -> Result<Update<'m>, BuildError> {
-        let _ = budget;
-        self.update(mesh)
+        self.advance(mesh, &Moved::Unknown, Some(budget))
     }
 
     /// Forgets all frames.
     pub fn reset(&mut self) {
         self.frames = 0;
+        self.last = None;
+    }
+
+    fn advance<'m>(
+        &mut self,
+        mesh: Mesh<'m>,
+        moved: &Moved<'_>,
+        budget: Option<Duration>,
+    ) -> Result<Update<'m>, BuildError> {
+        let budget = Budget {
+            started: Instant::now(),
+            duration: budget,
+        };
+        let TrackedUpdate {
+            tree,
+            tracked,
+            kept,
+            rebuilt,
+            coarse,
+            building,
+            sah_cost,
+            sah_ratio,
+        } = build::update(mesh, &self.options, self.last.as_ref(), moved, budget)?;
+        let time = budget.started.elapsed();
+        self.last = tracked;
+        let report = UpdateReport {
+            frame: self.frames,
+            time,
+            building,
+            kept: kept.into(),
+            rebuilt: rebuilt.into(),
+            coarse: coarse.into(),
+            sah_cost,
+            sah_ratio,
+            tracker_bytes: size_of::<Self>() + self.last.as_ref().map_or(0, TrackedTree::bytes),
+        };
+        self.frames += 1;
+        Ok(Update { tree, report })
     }
 }

@@ -50,15 +50,7 @@ pub(super) fn build(
         let bounds = bounds_of(&references);
         return (binning.build(&mut references, bounds, limits), bounds);
     }
-    let sample = sample(triangles);
-    let sample_bounds = bounds_of(&sample);
-    let top = Binning {
-        weight: SAMPLE_STRIDE as u32,
-        // A reference of the sample is at least one triangle, so `min_split` holds as it is.
-        min_split: binning.min_split.max(BUCKET / SAMPLE_STRIDE),
-        ..binning
-    }
-    .build_parallel(sample, sample_bounds, limits);
+    let top = top_tree(triangles, limits, options);
     let buckets = distribute(triangles, &top);
     let bounds = buckets.bounds();
     let total = buckets.total();
@@ -77,6 +69,29 @@ pub(super) fn build(
     (subtree, bounds)
 }
 
+/// The tree above the buckets, which are its leaves.
+pub(super) fn top_tree(
+    triangles: &Triangles<'_>,
+    limits: Limits,
+    options: &BuildOptions,
+) -> Subtree {
+    if triangles.len() < SMALL_MESH {
+        let mut writer = NodeWriter::default();
+        writer.leaf(std::iter::empty());
+        return writer.finish();
+    }
+    let sample = sample(triangles);
+    let bounds = bounds_of(&sample);
+    let binning = Binning {
+        mesh: triangles.mesh(),
+        weight: SAMPLE_STRIDE as u32,
+        // A reference of the sample is at least one triangle, so `min_split` holds as it is.
+        min_split: (options.min_split as usize).max(BUCKET / SAMPLE_STRIDE),
+        options,
+    };
+    binning.build_parallel(sample, bounds, limits)
+}
+
 /// Every [`SAMPLE_STRIDE`]th triangle, but for a scramble of the places, so
 /// that no regular order of the mesh can hide parts of it.
 fn sample(triangles: &Triangles<'_>) -> Vec<Reference> {
@@ -93,7 +108,7 @@ fn sample(triangles: &Triangles<'_>) -> Vec<Reference> {
 }
 
 /// Cells and depths of a subtree's leaves, in order.
-fn leaf_cells(top: &Subtree, bounds: Aabb) -> Vec<(Aabb, u32)> {
+pub(super) fn leaf_cells(top: &Subtree, bounds: Aabb) -> Vec<(Aabb, u32)> {
     let mut cells = Vec::new();
     let mut right_children = Vec::new();
     let (mut cell, mut depth) = (bounds, 0);

@@ -52,7 +52,7 @@ impl Limits {
     #[inline(always)]
     pub(super) fn below(&self, levels: u32, count: usize, total: usize) -> Self {
         Self {
-            levels: self.levels - levels,
+            levels: self.levels.saturating_sub(levels),
             growth: self.growth * (count as f32 / total.max(1) as f32),
         }
     }

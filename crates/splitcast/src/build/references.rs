@@ -92,7 +92,7 @@ impl Reference {
 #[derive(Debug)]
 pub(crate) struct Triangles<'m> {
     mesh: Mesh<'m>,
-    /// The usable triangles in rising order, if not all are.
+    /// The usable triangles, if not all are.
     usable: Option<Vec<u32>>,
 }
 
@@ -113,6 +113,14 @@ impl<'m> Triangles<'m> {
             mesh,
             usable: Some(usable),
         })
+    }
+
+    /// These triangles of a mesh, all of them usable.
+    pub(crate) fn these(mesh: Mesh<'m>, triangles: Vec<u32>) -> Self {
+        Self {
+            mesh,
+            usable: Some(triangles),
+        }
     }
 
     pub(crate) fn mesh(&self) -> Mesh<'m> {

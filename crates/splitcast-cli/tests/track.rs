@@ -67,7 +67,7 @@ fn a_built_in_scene_has_a_row_a_frame_and_medians() {
     let (frames, text) = track(&place, &["horse", "--frames", "2:6", "--threads", "1"]);
     assert_eq!(numbers(&frames, "frame"), [2.0, 3.0, 4.0, 5.0]);
     assert_eq!(row_names(&text), ["2", "3", "4", "5", "median", "worst"]);
-    for word in ["update", "SAH ratio", "searched", "references", "bytes"] {
+    for word in ["update", "SAH ratio", "rebuilt", "references", "bytes"] {
         assert!(text.contains(word), "{word}: {text}");
     }
     assert!(!text.contains("time ratio"), "{text}");

@@ -66,8 +66,6 @@ fn columns(with_reference: bool) -> Vec<Figure> {
     }
     all.extend([
         Figure::share("kept", |frame| frame.share(frame.kept)),
-        Figure::share("moved", |frame| frame.share(frame.moved)),
-        Figure::share("searched", |frame| frame.share(frame.searched)),
         Figure::cost("rebuilt", percent, |frame| frame.share(frame.rebuilt)),
         Figure::cost("references", whole, |frame| Some(frame.references as f64)),
         Figure::cost("bytes", whole, |frame| Some(frame.bytes as f64)),
@@ -127,7 +125,7 @@ fn legend(report: &TrackReport, updates: &[FrameFigures]) -> String {
             costliest.frame
         ));
     }
-    text.push_str("times in ms; kept to rebuilt are shares of the references; SAH ratio is ");
+    text.push_str("times in ms; kept and rebuilt are shares of the references; SAH ratio is ");
     text.push_str(&match report.reference {
         Some(name) => format!("to a {name} rebuild, estimate what the tracker takes it for\n"),
         None => "the tracker's estimate, which --reference measures\n".to_owned(),

@@ -16,10 +16,11 @@ use rayon::prelude::*;
 
 use super::binned::{leaf_cells, top_tree};
 use super::binned_subtree::Binning;
-use super::distribute::{Buckets, distribute};
+use super::distribute::distribute;
 use super::limits::Limits;
 use super::regions::{Region, Regions, TrackedTree, divide, fingerprint, sample};
-use super::{BuildOptions, NodeWriter, Subtree, Triangles};
+use super::straddlers::cut_to_cell;
+use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::kd_tree::NodeKind;
 use crate::{Aabb, BuildError, KdTree, Mesh};
 
@@ -157,6 +158,8 @@ struct Task {
     leaf: usize,
     cell: Aabb,
     depth: u32,
+    /// Whether it was built with large leaves in the last frame.
+    late: bool,
 }
 
 impl<'m> Frame<'_, 'm> {
@@ -167,7 +170,8 @@ impl<'m> Frame<'_, 'm> {
         let bounds = members.bounds();
         let tasks = tasks(&top, bounds);
         let started = Instant::now();
-        let built = self.build_regions(tasks, &[&members], members.total(), &[], thorough);
+        let gather = |leaf, gathered: &mut Vec<_>| members.gather(leaf, gathered);
+        let built = self.build_regions(tasks, gather, members.total(), thorough);
         let building = started.elapsed();
         Plan {
             top,
@@ -277,22 +281,27 @@ impl<'m> Frame<'_, 'm> {
         if !changes.contains(&true) && bounds == last.bounds && count == last.triangles {
             return Some(Change::None);
         }
-        // What stays in the regions that change.
-        let mut staying: Vec<u32> = (0..places.len())
-            .filter(|&leaf| changes[leaf])
-            .flat_map(residents)
-            .copied()
-            .filter(|&triangle| !may_have_moved[triangle as usize])
-            .collect();
-        staying.sort_unstable();
-        staying.dedup();
-        let stayed = distribute(&Triangles::these(self.mesh, staying), &top);
         let mut tasks = tasks(&top, bounds);
         tasks.retain(|task| changes[task.leaf]);
-        let members = [&stayed, &arrived];
-        let was_coarse: Vec<bool> = last.regions.iter().map(|region| region.coarse).collect();
+        for task in &mut tasks {
+            task.late = last.regions[task.leaf].coarse;
+        }
+        let cells = leaf_cells(&top, bounds);
+        let gather =
+            |leaf: usize, gathered: &mut Vec<_>| {
+                let stays = |triangle: &u32| !may_have_moved[*triangle as usize];
+                let mut staying: Vec<u32> = residents(leaf).iter().copied().filter(stays).collect();
+                // A triangle is in several leaves of a region.
+                staying.sort_unstable();
+                staying.dedup();
+                gathered.extend(staying.iter().map(|&triangle| {
+                    Reference::of_triangle(self.mesh.corners(triangle), triangle)
+                }));
+                cut_to_cell(self.mesh, gathered, &cells[leaf].0);
+                arrived.gather(leaf, gathered);
+            };
         let started = Instant::now();
-        let built = self.build_regions(tasks, &members, last.references.len(), &was_coarse, true);
+        let built = self.build_regions(tasks, gather, last.references.len(), true);
         let building = started.elapsed();
         let mut parts: Vec<Part> = places.iter().map(|_| Part::Kept).collect();
         for (leaf, part) in built {
@@ -314,16 +323,13 @@ impl<'m> Frame<'_, 'm> {
     fn build_regions(
         &self,
         mut tasks: Vec<Task>,
-        members: &[&Buckets],
+        gather: impl Fn(usize, &mut Vec<Reference>) + Sync,
         total: usize,
-        was_coarse: &[bool],
         thorough: bool,
     ) -> Vec<(usize, Part)> {
         let build = |task: &Task, coarse: bool, references: &mut Vec<_>| {
             references.clear();
-            for buckets in members {
-                buckets.gather(task.leaf, references);
-            }
+            gather(task.leaf, references);
             let least = if coarse { COARSE_LEAF } else { 0 };
             let binning = Binning {
                 mesh: self.mesh,
@@ -344,13 +350,9 @@ impl<'m> Frame<'_, 'm> {
                 .map_init(Vec::new, |references, task| build(task, false, references))
                 .collect();
         };
-        let urgency = |task: &Task| {
-            let late = was_coarse.get(task.leaf).copied().unwrap_or(false);
-            (late, task.cell.half_area())
-        };
         tasks.sort_by(|a, b| {
-            let ((late_a, a), (late_b, b)) = (urgency(a), urgency(b));
-            late_b.cmp(&late_a).then(b.total_cmp(&a))
+            let area = |task: &Task| task.cell.half_area();
+            b.late.cmp(&a.late).then(area(b).total_cmp(&area(a)))
         });
         let started = Instant::now();
         let mut built = Vec::with_capacity(tasks.len());
@@ -484,7 +486,12 @@ impl<'m> Frame<'_, 'm> {
 
 /// A task for each leaf of a tree, in order.
 fn tasks(top: &Subtree, bounds: Aabb) -> Vec<Task> {
-    let task = |(leaf, (cell, depth))| Task { leaf, cell, depth };
+    let task = |(leaf, (cell, depth))| Task {
+        leaf,
+        cell,
+        depth,
+        late: false,
+    };
     leaf_cells(top, bounds)
         .into_iter()
         .enumerate()

@@ -111,6 +111,15 @@ impl TrackedTree {
         &self.references[self.references_of(nodes)]
     }
 
+    /// The expected cost over that of the last tree that was built as a whole.
+    pub(super) fn sah_ratio(&self) -> f64 {
+        if self.full_sah_cost > 0.0 {
+            self.sah_cost / self.full_sah_cost
+        } else {
+            1.0
+        }
+    }
+
     /// Bytes allocated, but for the tree itself.
     pub(crate) fn bytes(&self) -> usize {
         self.regions.capacity() * size_of::<Region>()

@@ -218,7 +218,7 @@ impl<'m> Frame<'_, 'm> {
             coarse: Amount::default(),
             building: Duration::ZERO,
             sah_cost: last.sah_cost,
-            sah_ratio: last.sah_cost / last.full_sah_cost,
+            sah_ratio: last.sah_ratio(),
         }
     }
 
@@ -476,17 +476,13 @@ impl<'m> Frame<'_, 'm> {
         };
         Ok(TrackedUpdate {
             tree,
+            sah_ratio: tracked.sah_ratio(),
             tracked: (skipped == 0).then_some(tracked),
             kept,
             rebuilt,
             coarse,
             building,
             sah_cost,
-            sah_ratio: if full_sah_cost > 0.0 {
-                sah_cost / full_sah_cost
-            } else {
-                1.0
-            },
         })
     }
 }

@@ -4,6 +4,7 @@
 mod binned;
 mod binned_subtree;
 mod cell_areas;
+mod changes;
 mod clip;
 mod counts;
 mod descent;

@@ -1,22 +1,17 @@
 //! Regions: the subtrees that a tracker keeps, or builds anew, as a whole.
 
-use std::hash::{BuildHasher, Hasher};
 use std::ops::Range;
 use std::sync::Arc;
 
-use foldhash::quality::FixedState;
-
+use super::changes::MeshHashes;
 use super::subtree::expected_cost;
 use super::{NodeWriter, Subtree};
 use crate::kd_tree::{Node, NodeKind};
-use crate::{Aabb, CostModel, Mesh};
+use crate::{Aabb, CostModel};
 
 /// References of a region, at most, when it is made: a change makes work of no less than a
-/// region, and a region costs about 60 bytes and as many nanoseconds.
+/// region, and a region costs 16 bytes and some 30 nanoseconds.
 const REGION: usize = 192;
-
-/// Triangles that tell quickly whether a region has moved.
-const SAMPLE: usize = 2;
 
 /// What is remembered of a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,10 +20,6 @@ pub(super) struct Region {
     pub(super) root: u32,
     /// Its expected cost times the area of its cell.
     pub(super) cost: f64,
-    /// Of the corners of its first triangles.
-    pub(super) sample: u64,
-    /// Of the corners of all of them; `None` counts as having moved.
-    pub(super) fingerprint: Option<u64>,
     /// Whether it was built with large leaves, for lack of time.
     pub(super) coarse: bool,
 }
@@ -49,6 +40,7 @@ pub(crate) struct TrackedTree {
     pub(super) bounds: Aabb,
     /// Number of triangles of the mesh.
     pub(super) triangles: usize,
+    pub(super) hashes: MeshHashes,
     /// In depth-first order; every leaf is in one of them.
     pub(super) regions: Vec<Region>,
     /// Expected cost of a ray.
@@ -95,12 +87,6 @@ impl TrackedTree {
         }
     }
 
-    /// The nodes of a region.
-    pub(super) fn nodes_of(&self, region: &Region) -> Range<usize> {
-        let root = region.root as usize;
-        root..subtree_end(&self.nodes, root)
-    }
-
     /// Where the references of a region are, given its nodes.
     pub(super) fn references_of(&self, nodes: Range<usize>) -> Range<usize> {
         references_of(&self.nodes[nodes])
@@ -122,7 +108,7 @@ impl TrackedTree {
 
     /// Bytes allocated, but for the tree itself.
     pub(crate) fn bytes(&self) -> usize {
-        self.regions.capacity() * size_of::<Region>()
+        self.regions.capacity() * size_of::<Region>() + self.hashes.bytes()
     }
 }
 
@@ -147,15 +133,8 @@ fn references_of(nodes: &[Node]) -> Range<usize> {
 }
 
 /// Divides a new subtree into regions: its largest subtrees of no more than [`REGION`]
-/// references. `thorough` fingerprints are those that tell of all triangles.
-pub(super) fn divide(
-    mesh: Mesh<'_>,
-    subtree: &Subtree,
-    cell: Aabb,
-    cost: &CostModel,
-    coarse: bool,
-    thorough: bool,
-) -> Regions {
+/// references.
+pub(super) fn divide(subtree: &Subtree, cell: Aabb, cost: &CostModel, coarse: bool) -> Regions {
     let nodes = subtree.nodes();
     let mut regions = Vec::with_capacity(subtree.reference_count() * 2 / REGION + 1);
     let mut planes_cost = 0.0;
@@ -173,43 +152,15 @@ pub(super) fn divide(
                 waiting.push((right, end, right_cell));
                 waiting.push((root + 1, right, left_cell));
             }
-            _ => {
-                let triangles = &subtree.references()[references];
-                regions.push(Region {
-                    root: root as u32,
-                    cost: expected_cost(&nodes[root..end], cell, cost),
-                    sample: sample(mesh, triangles).unwrap_or_default(),
-                    fingerprint: thorough.then(|| fingerprint(mesh, triangles)).flatten(),
-                    coarse,
-                });
-            }
+            _ => regions.push(Region {
+                root: root as u32,
+                cost: expected_cost(&nodes[root..end], cell, cost),
+                coarse,
+            }),
         }
     }
     Regions {
         regions,
         planes_cost,
     }
-}
-
-/// [`fingerprint`] of the first of some triangles.
-pub(super) fn sample(mesh: Mesh<'_>, triangles: &[u32]) -> Option<u64> {
-    fingerprint(mesh, &triangles[..triangles.len().min(SAMPLE)])
-}
-
-/// A hash of the corners of triangles, to tell whether one has moved; `None` if the mesh lacks
-/// one of them.
-pub(super) fn fingerprint(mesh: Mesh<'_>, triangles: &[u32]) -> Option<u64> {
-    let count = mesh.triangles().len();
-    let mut hasher = FixedState::default().build_hasher();
-    for &triangle in triangles {
-        if triangle as usize >= count {
-            return None;
-        }
-        let [a, b, c] = mesh.corners(triangle);
-        for [x, y] in [[a[0], a[1]], [a[2], b[0]], [b[1], b[2]], [c[0], c[1]]] {
-            hasher.write_u64(u64::from(x.to_bits()) << 32 | u64::from(y.to_bits()));
-        }
-        hasher.write_u32(c[2].to_bits());
-    }
-    Some(hasher.finish())
 }

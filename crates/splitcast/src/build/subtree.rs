@@ -127,11 +127,6 @@ impl Subtree {
         &self.nodes
     }
 
-    /// References of all leaves, leaf after leaf.
-    pub(crate) fn references(&self) -> &[u32] {
-        &self.references
-    }
-
     /// The part of the expected cost that is due to inner nodes, times the area of the cell.
     pub(crate) fn planes_cost(&self, cell: Aabb, cost: &CostModel) -> f64 {
         let planes_only = CostModel {

@@ -16,9 +16,10 @@ use rayon::prelude::*;
 
 use super::binned::{leaf_cells, top_tree};
 use super::binned_subtree::Binning;
+use super::changes::MeshHashes;
 use super::distribute::distribute;
 use super::limits::Limits;
-use super::regions::{Region, Regions, TrackedTree, divide, fingerprint, sample};
+use super::regions::{Region, Regions, TrackedTree, divide};
 use super::straddlers::cut_to_cell;
 use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::kd_tree::NodeKind;
@@ -28,9 +29,9 @@ use crate::{Aabb, BuildError, KdTree, Mesh};
 /// neighbors, and the looking for them, it would take as long.
 const LARGEST_CHANGE: f64 = 0.4;
 
-/// Regions that tell whether most of the scene moves: the share of those that do is known to
-/// within a tenth.
-const SAMPLED_REGIONS: usize = 128;
+/// If more than this share of the vertices may have moved, it is not looked into which triangles
+/// have.
+const MOST_OF_THE_VERTICES: f64 = 0.6;
 
 /// A tree whose expected cost has risen by this factor is built anew once half of
 /// its triangles have moved.
@@ -107,16 +108,16 @@ pub(crate) fn update<'m>(
         budget,
     };
     let last = last.filter(|_| frame.triangles.skipped() == 0);
-    let plan = match (last, moved) {
-        (Some(last), Moved::Unknown) if frame.mostly_moves(last) => frame.build_all(false),
-        (Some(last), _) => match frame.change(last, moved) {
-            Some(Change::None) => return Ok(frame.same(last)),
-            Some(Change::Some(plan)) => plan,
-            None => frame.build_all(true),
-        },
-        (None, _) => frame.build_all(true),
+    let hashes = match (last, moved) {
+        (Some(last), Moved::Only(ranges)) => last.hashes.with_changes(mesh, ranges),
+        _ => MeshHashes::of(mesh),
     };
-    frame.assemble(plan)
+    let plan = match last.and_then(|last| frame.change(last, moved, &hashes)) {
+        Some(Change::Nothing(last)) => return Ok(frame.same(last)),
+        Some(Change::Regions(plan)) => plan,
+        None => frame.build_all(),
+    };
+    frame.assemble(plan, hashes)
 }
 
 /// The frame that a tree is made for.
@@ -152,8 +153,8 @@ enum Part {
 
 /// What has changed since the last frame.
 enum Change<'t> {
-    None,
-    Some(Plan<'t>),
+    Nothing(&'t TrackedTree),
+    Regions(Plan<'t>),
 }
 
 /// A region to be built.
@@ -168,14 +169,14 @@ struct Task {
 
 impl<'m> Frame<'_, 'm> {
     /// Everything anew.
-    fn build_all<'t>(&self, thorough: bool) -> Plan<'t> {
+    fn build_all<'t>(&self) -> Plan<'t> {
         let top = top_tree(&self.triangles, self.limits, self.options);
         let members = distribute(&self.triangles, &top);
         let bounds = members.bounds();
         let tasks = tasks(&top, bounds);
         let started = Instant::now();
         let gather = |leaf, gathered: &mut Vec<_>| members.gather(leaf, gathered);
-        let built = self.build_regions(tasks, gather, members.total(), thorough);
+        let built = self.build_regions(tasks, gather, members.total());
         let building = started.elapsed();
         Plan {
             top,
@@ -185,19 +186,6 @@ impl<'m> Frame<'_, 'm> {
             moved: 0,
             building,
         }
-    }
-
-    /// Whether, by a sample, so much has moved that there is no point in finding out what.
-    fn mostly_moves(&self, last: &TrackedTree) -> bool {
-        let stride = last.regions.len().div_ceil(SAMPLED_REGIONS);
-        let sampled = last.regions.iter().step_by(stride.max(1));
-        let (mut all, mut moved) = (0_u32, 0_u32);
-        for region in sampled {
-            let triangles = last.triangles_of(last.nodes_of(region));
-            all += 1;
-            moved += u32::from(sample(self.mesh, triangles) != Some(region.sample));
-        }
-        f64::from(moved) > LARGEST_CHANGE * f64::from(all)
     }
 
     /// The last tree once more.
@@ -223,42 +211,41 @@ impl<'m> Frame<'_, 'm> {
     }
 
     /// Only what has changed; `None` if all had better be built anew.
-    fn change<'t>(&self, last: &'t TrackedTree, moved: &Moved<'_>) -> Option<Change<'t>> {
+    fn change<'t>(
+        &self,
+        last: &'t TrackedTree,
+        moved: &Moved<'_>,
+        hashes: &MeshHashes,
+    ) -> Option<Change<'t>> {
         let count = self.triangles.len();
-        let (top, places) = last.top();
-        let residents = |leaf: usize| last.triangles_of(places[leaf].clone());
         // What is new, or gone, counts as having moved.
         let common = count.min(last.triangles);
         let mut may_have_moved = vec![false; count.max(last.triangles)];
         may_have_moved[common..].fill(true);
-        let touched: Vec<bool> = match moved {
+        match moved {
             Moved::Only(ranges) => {
                 for range in *ranges {
                     let end = range.end.min(common);
                     may_have_moved[range.start.min(end)..end].fill(true);
                 }
-                let moved = |&triangle: &u32| may_have_moved[triangle as usize];
-                (0..places.len())
-                    .into_par_iter()
-                    .map(|leaf| residents(leaf).iter().any(moved))
-                    .collect()
             }
             Moved::Unknown => {
-                let touched: Vec<bool> = (0..places.len())
-                    .into_par_iter()
-                    .map(|leaf| {
-                        let now = fingerprint(self.mesh, residents(leaf));
-                        now.is_none() || now != last.regions[leaf].fingerprint
-                    })
-                    .collect();
-                for leaf in (0..places.len()).filter(|&leaf| touched[leaf]) {
-                    for &triangle in residents(leaf) {
-                        may_have_moved[triangle as usize] = true;
-                    }
+                let changes = hashes.changes_since(&last.hashes);
+                if changes.is_empty() && !last.regions.iter().any(|region| region.coarse) {
+                    return Some(Change::Nothing(last));
                 }
-                touched
+                if changes.share_of_vertices() > MOST_OF_THE_VERTICES {
+                    return None;
+                }
+                changes.mark(self.mesh, &mut may_have_moved[..common]);
             }
-        };
+        }
+        let (top, places) = last.top();
+        let residents = |leaf: usize| last.triangles_of(places[leaf].clone());
+        let touched: Vec<bool> = (0..places.len())
+            .into_par_iter()
+            .map(|leaf| (residents(leaf).iter()).any(|&triangle| may_have_moved[triangle as usize]))
+            .collect();
         let present = 0..count as u32;
         let movers: Vec<u32> = present.filter(|&t| may_have_moved[t as usize]).collect();
         let moved = last.moved + movers.len();
@@ -286,7 +273,7 @@ impl<'m> Frame<'_, 'm> {
             })
             .collect();
         if !changes.contains(&true) && bounds == last.bounds && count == last.triangles {
-            return Some(Change::None);
+            return Some(Change::Nothing(last));
         }
         let mut tasks = tasks(&top, bounds);
         tasks.retain(|task| changes[task.leaf]);
@@ -308,13 +295,13 @@ impl<'m> Frame<'_, 'm> {
                 arrived.gather(leaf, gathered);
             };
         let started = Instant::now();
-        let built = self.build_regions(tasks, gather, last.references.len(), true);
+        let built = self.build_regions(tasks, gather, last.references.len());
         let building = started.elapsed();
         let mut parts: Vec<Part> = places.iter().map(|_| Part::Kept).collect();
         for (leaf, part) in built {
             parts[leaf] = part;
         }
-        Some(Change::Some(Plan {
+        Some(Change::Regions(Plan {
             top,
             bounds,
             parts,
@@ -332,7 +319,6 @@ impl<'m> Frame<'_, 'm> {
         mut tasks: Vec<Task>,
         gather: impl Fn(usize, &mut Vec<Reference>) + Sync,
         total: usize,
-        thorough: bool,
     ) -> Vec<(usize, Part)> {
         let build = |task: &Task, coarse: bool, references: &mut Vec<_>| {
             references.clear();
@@ -348,7 +334,7 @@ impl<'m> Frame<'_, 'm> {
             let limits = self.limits.below(task.depth, triangles, total);
             let subtree = binning.build(references, task.cell, limits);
             let cost = &self.options.cost;
-            let regions = divide(self.mesh, &subtree, task.cell, cost, coarse, thorough);
+            let regions = divide(&subtree, task.cell, cost, coarse);
             (task.leaf, Part::Built(subtree, regions))
         };
         let Some(duration) = self.budget.duration else {
@@ -377,7 +363,11 @@ impl<'m> Frame<'_, 'm> {
     }
 
     /// Puts the tree together.
-    fn assemble(&self, plan: Plan<'_>) -> Result<TrackedUpdate<'m>, BuildError> {
+    fn assemble(
+        &self,
+        plan: Plan<'_>,
+        hashes: MeshHashes,
+    ) -> Result<TrackedUpdate<'m>, BuildError> {
         let Plan {
             top,
             bounds,
@@ -469,6 +459,7 @@ impl<'m> Frame<'_, 'm> {
             references,
             bounds,
             triangles: self.triangles.len(),
+            hashes,
             regions,
             sah_cost,
             full_sah_cost,

@@ -448,6 +448,7 @@ impl<'m> Frame<'_, 'm> {
                 writer.begin_right(inner);
             }
         }
+        regions.shrink_to_fit();
         let skipped = self.triangles.skipped();
         let tree = (writer.finish()).into_tree(self.mesh, bounds, cost_model, skipped)?;
         let area = f64::from(bounds.half_area());

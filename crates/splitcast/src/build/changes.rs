@@ -146,3 +146,84 @@ fn hash(mut words: impl ExactSizeIterator<Item = u32>) -> u64 {
     hasher.write_usize(count);
     hasher.finish()
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A strip of triangles, each from a vertex to the two behind it.
+    fn strip(vertices: usize) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let positions = (0..vertices).map(|i| [i as f32, (i % 2) as f32, 0.0]);
+        let triangles = (2..vertices as u32).map(|i| [i - 2, i - 1, i]);
+        (positions.collect(), triangles.collect())
+    }
+
+    fn marks(now: &MeshHashes, before: &MeshHashes, mesh: Mesh<'_>) -> Vec<bool> {
+        let mut marks = vec![false; mesh.triangles().len()];
+        now.changes_since(before).mark(mesh, &mut marks);
+        marks
+    }
+
+    #[test]
+    fn nothing_changes_in_a_mesh_that_stays() {
+        for vertices in [0, 1, 2, 31, 32, 33, 5000] {
+            let (positions, triangles) = strip(vertices);
+            let mesh = Mesh::new(&positions, &triangles).unwrap();
+            let hashes = MeshHashes::of(mesh);
+            assert!(hashes.changes_since(&hashes.clone()).is_empty());
+            assert!(!marks(&hashes, &hashes, mesh).contains(&true));
+        }
+    }
+
+    #[test]
+    fn a_mesh_that_grows_or_shrinks_within_a_run_has_changed() {
+        let (positions, triangles) = strip(40);
+        let hashes = |vertices: usize, count: usize| {
+            MeshHashes::of(Mesh::new(&positions[..vertices], &triangles[..count]).unwrap())
+        };
+        for (a, b) in [((40, 30), (40, 29)), ((40, 30), (39, 30))] {
+            let (a, b) = (hashes(a.0, a.1), hashes(b.0, b.1));
+            assert!(!a.changes_since(&b).is_empty());
+            assert!(!b.changes_since(&a).is_empty());
+        }
+    }
+
+    proptest! {
+        /// All that changes is marked, and little else; hashes brought up to date are
+        /// those of the mesh.
+        #[test]
+        fn what_changes_is_marked(
+            moved in prop::collection::vec(0..9000_usize, 0..4),
+            rewired in prop::collection::vec(0..8998_usize, 0..3),
+            bit in 0..32_u32,
+        ) {
+            let (positions, triangles) = strip(9000);
+            let before = MeshHashes::of(Mesh::new(&positions, &triangles).unwrap());
+            let (mut later, mut rewired_triangles) = (positions.clone(), triangles.clone());
+            for &vertex in &moved {
+                later[vertex][1] = f32::from_bits(positions[vertex][1].to_bits() ^ 1 << bit);
+            }
+            for &triangle in &rewired {
+                rewired_triangles[triangle][0] = (triangles[triangle][0] + 7) % 9000;
+            }
+            let mesh = Mesh::new(&later, &rewired_triangles).unwrap();
+            let now = MeshHashes::of(mesh);
+            let marks = marks(&now, &before, mesh);
+            let changed = |triangle: usize| {
+                rewired.contains(&triangle)
+                    || rewired_triangles[triangle].iter().any(|&v| moved.contains(&(v as usize)))
+            };
+            let changed: Vec<usize> = (0..triangles.len()).filter(|&t| changed(t)).collect();
+            for &triangle in &changed {
+                prop_assert!(marks[triangle]);
+            }
+            let marked = marks.iter().filter(|mark| **mark).count();
+            let most = moved.len() * (VERTICES + 2 + 1) + rewired.len() * (TRIANGLES + 1);
+            prop_assert!(marked <= most, "{marked} of at most {most}");
+            let ranges: Vec<Range<usize>> = changed.iter().map(|&t| t..t + 1).collect();
+            prop_assert_eq!(before.with_changes(mesh, &ranges), now);
+        }
+    }
+}

@@ -118,8 +118,9 @@ impl Tracker {
     /// since the last update: takes time in proportion to them, but for
     /// what it takes to copy the rest of the tree.
     ///
-    /// Where a triangle outside of these ranges has moved, rays may miss it. Those that
-    /// the last frame did not have count as moved.
+    /// Where a triangle outside of these ranges has moved, rays may miss it. With
+    /// another number of triangles than in the last frame, what has moved is
+    /// found out, as [`Tracker::update`] does.
     ///
     /// # Errors
     /// As [`Tracker::update`].

@@ -108,6 +108,11 @@ pub(crate) fn update<'m>(
         budget,
     };
     let last = last.filter(|_| frame.triangles.skipped() == 0);
+    let moved = match last {
+        // Numbers need not mean the triangles that they meant before.
+        Some(last) if last.triangles != frame.triangles.len() => &Moved::Unknown,
+        _ => moved,
+    };
     let hashes = match (last, moved) {
         (Some(last), Moved::Only(ranges)) => last.hashes.with_changes(mesh, ranges),
         _ => MeshHashes::of(mesh),
@@ -231,7 +236,8 @@ impl<'m> Frame<'_, 'm> {
             }
             Moved::Unknown => {
                 let changes = hashes.changes_since(&last.hashes);
-                if changes.is_empty() && !last.regions.iter().any(|region| region.coarse) {
+                let coarse = last.regions.iter().any(|region| region.coarse);
+                if changes.is_empty() && count == last.triangles && !coarse {
                     return Some(Change::Nothing(last));
                 }
                 if changes.share_of_vertices() > MOST_OF_THE_VERTICES {

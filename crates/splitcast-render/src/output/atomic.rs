@@ -43,6 +43,10 @@ pub fn check_writable(path: &Path) -> Result<(), OutputError> {
             let reason = "it is a folder: give the name of a file in it".to_owned();
             return Err(unwritable(path, reason));
         }
+        if !data.is_file() {
+            let reason = "it is a device or a pipe, which a file would replace: write elsewhere";
+            return Err(unwritable(path, reason.to_owned()));
+        }
         if data.permissions().readonly() {
             let reason = "the file is read-only: remove it or write elsewhere".to_owned();
             return Err(unwritable(path, reason));
@@ -100,6 +104,13 @@ mod tests {
             let message = check_writable(&path).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");
             assert!(!message.contains('\n'));
+        }
+        #[cfg(unix)]
+        {
+            let message = check_writable(Path::new("/dev/null"))
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains("a device"), "{message}");
         }
         let mut rights = fs::metadata(&file).unwrap().permissions();
         rights.set_readonly(true);

@@ -11,6 +11,7 @@
 )]
 
 pub(crate) mod cases;
+pub(crate) mod edits;
 pub(crate) mod meshes;
 pub(crate) mod rays;
 
@@ -147,7 +148,12 @@ pub(crate) struct Expectations {
 impl Expectations {
     pub(crate) fn new(mesh: Mesh<'_>) -> Self {
         let count = BRUTE_FORCE_TESTS / mesh.triangles().len().max(1);
-        let rays = rays::all_kinds(mesh, count.clamp(100, 500));
+        Self::of_rays(mesh, count.clamp(100, 500))
+    }
+
+    /// The same with about so many rays that may hit something.
+    pub(crate) fn of_rays(mesh: Mesh<'_>, count: usize) -> Self {
+        let rays = rays::all_kinds(mesh, count);
         let list = rays.into_iter().map(|ray| {
             let mut all = Vec::new();
             reference::all_hits(mesh, &ray, &mut all);

@@ -168,7 +168,7 @@ impl Renderer {
                     .unwrap_or_else(|| self.light(tracer, &ray, &points, sample)),
                 View::Steps => {
                     let (_, counts) = tracer.mesh_along(&ray);
-                    debug_view::steps_color(counts.inner_nodes + counts.leaves, options)
+                    debug_view::steps_color(counts.nodes + counts.blocks, options)
                 }
                 View::LeafDepth => self.data_color(tracer, &ray, |surface| {
                     let depth = debug_view::leaf_depth(tree, surface.position);

@@ -73,6 +73,16 @@ impl Aabb {
         reach
     }
 
+    /// The largest distance on each axis from `point` to a point of the box.
+    #[inline]
+    pub(crate) fn farthest(&self, point: [f32; 3]) -> [f32; 3] {
+        let on = |axis: usize| {
+            let (min, max) = (self.min[axis], self.max[axis]);
+            upper((min - point[axis]).abs(), (max - point[axis]).abs())
+        };
+        [on(0), on(1), on(2)]
+    }
+
     /// The two halves that a plane across `axis` at `position` leaves.
     #[inline]
     pub fn split(&self, axis: usize, position: f32) -> (Self, Self) {

@@ -204,17 +204,17 @@ impl BuildOptions {
         match preset {
             Preset::FastestBuild => Self {
                 cost: CostModel {
-                    intersection: 0.5,
+                    intersection: 0.05,
                     ..balanced.cost
                 },
-                min_split: 32,
+                min_split: 128,
                 ..balanced
             },
             Preset::Balanced => balanced,
             Preset::BestTree => Self {
                 builder: Builder::Sweep,
                 cost: CostModel {
-                    intersection: 2.0,
+                    intersection: 0.4,
                     empty_bonus: 0.2,
                     ..balanced.cost
                 },

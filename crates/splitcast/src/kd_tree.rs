@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::build::Scratch;
+use crate::wide::WideTree;
 use crate::{Aabb, BuildError, BuildOptions, CostModel, Mesh, build};
 
 /// Indices of nodes and references have 30 bits.
@@ -103,6 +104,16 @@ pub struct NodeVisit {
     pub kind: NodeKind,
 }
 
+/// What a tree is made of.
+#[derive(Debug)]
+pub(crate) struct Storage {
+    /// In depth-first order, not empty.
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) references: Vec<u32>,
+    /// The same tree as rays are traced through it.
+    pub(crate) wide: WideTree,
+}
+
 /// A kd-tree over a borrowed triangle mesh.
 ///
 /// Immutable, `Send + Sync`: any number of threads may trace it. The mesh
@@ -113,8 +124,7 @@ pub struct KdTree<'m> {
     mesh: Mesh<'m>,
     bounds: Aabb,
     /// Shared with the tracker that made the tree, which starts the next one from it.
-    nodes: Arc<Vec<Node>>,
-    references: Arc<Vec<u32>>,
+    storage: Arc<Storage>,
     cost: CostModel,
     skipped_triangles: usize,
 }
@@ -134,8 +144,28 @@ impl<'m> KdTree<'m> {
         Ok(build::build(mesh, options, None, &mut Scratch::default())?.tree)
     }
 
-    /// Puts a tree together. `nodes` is in depth-first order and not empty.
-    pub(crate) fn from_parts(
+    /// Puts a tree together, perhaps of what another is made of, if that was built over a mesh
+    /// whose triangles are in the same places.
+    pub(crate) fn from_storage(
+        mesh: Mesh<'m>,
+        bounds: Aabb,
+        storage: Arc<Storage>,
+        cost: CostModel,
+        skipped_triangles: usize,
+    ) -> Self {
+        debug_assert!(!storage.nodes.is_empty());
+        Self {
+            mesh,
+            bounds,
+            storage,
+            cost,
+            skipped_triangles,
+        }
+    }
+
+    /// A tree of any nodes, which need not make sense, for tests. It cannot be traced.
+    #[cfg(test)]
+    pub(crate) fn of_nodes(
         mesh: Mesh<'m>,
         bounds: Aabb,
         nodes: Vec<Node>,
@@ -143,38 +173,18 @@ impl<'m> KdTree<'m> {
         cost: CostModel,
         skipped_triangles: usize,
     ) -> Self {
-        debug_assert!(!nodes.is_empty());
-        Self {
-            mesh,
-            bounds,
-            nodes: Arc::new(nodes),
-            references: Arc::new(references),
-            cost,
-            skipped_triangles,
-        }
-    }
-
-    /// A tree of the nodes and references of another, over a mesh whose triangles are in the same
-    /// places.
-    pub(crate) fn from_shared(
-        mesh: Mesh<'m>,
-        bounds: Aabb,
-        (nodes, references): (Arc<Vec<Node>>, Arc<Vec<u32>>),
-        cost: CostModel,
-    ) -> Self {
-        Self {
-            mesh,
-            bounds,
+        let storage = Arc::new(Storage {
             nodes,
             references,
-            cost,
-            skipped_triangles: 0,
-        }
+            wide: WideTree::default(),
+        });
+        Self::from_storage(mesh, bounds, storage, cost, skipped_triangles)
     }
 
-    /// Nodes and references, to be shared.
-    pub(crate) fn storage(&self) -> (Arc<Vec<Node>>, Arc<Vec<u32>>) {
-        (Arc::clone(&self.nodes), Arc::clone(&self.references))
+    /// What rays are traced through.
+    #[inline(always)]
+    pub(crate) fn wide(&self) -> &WideTree {
+        &self.storage.wide
     }
 
     /// The mesh that the tree was built over.
@@ -194,12 +204,12 @@ impl<'m> KdTree<'m> {
 
     /// All nodes in depth-first order; the root is the first. Never empty.
     pub fn nodes(&self) -> &[Node] {
-        &self.nodes
+        &self.storage.nodes
     }
 
     /// Triangle indices; every leaf owns a range of them.
     pub fn references(&self) -> &[u32] {
-        &self.references
+        &self.storage.references
     }
 
     /// Triangles left out because a corner was not finite; not zero only with
@@ -211,15 +221,17 @@ impl<'m> KdTree<'m> {
     /// Bytes of the tree itself and of what it has allocated.
     pub(crate) fn bytes(&self) -> usize {
         size_of::<Self>()
-            + self.nodes.capacity() * size_of::<Node>()
-            + self.references.capacity() * size_of::<u32>()
+            + size_of::<Storage>()
+            + self.storage.nodes.capacity() * size_of::<Node>()
+            + self.storage.references.capacity() * size_of::<u32>()
+            + self.storage.wide.bytes()
     }
 
     /// Visits every node depth first, left before right.
     pub fn visit(&self, mut visitor: impl FnMut(NodeVisit)) {
         let mut stack = vec![(0, 0, self.bounds)];
         while let Some((index, depth, cell)) = stack.pop() {
-            let kind = self.nodes[index].kind();
+            let kind = self.storage.nodes[index].kind();
             visitor(NodeVisit {
                 index,
                 depth,

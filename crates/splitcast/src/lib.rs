@@ -42,6 +42,7 @@ mod stats;
 mod tracker;
 mod traverse;
 mod validate;
+mod wide;
 
 pub use aabb::Aabb;
 pub use build::{

@@ -40,7 +40,7 @@ impl Default for CostModel {
     fn default() -> Self {
         Self {
             traversal: 1.0,
-            intersection: 0.8,
+            intersection: 0.1,
             leaf_width: 8,
             empty_bonus: 0.0,
         }

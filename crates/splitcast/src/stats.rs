@@ -95,6 +95,7 @@ fn count_one(histogram: &mut Vec<usize>, value: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kd_tree::Storage;
     use crate::{BuildOptions, CostModel, Mesh, Node};
 
     /// Two triangles in the box (0, 0, 0) to (2, 1, 1), one on either side of x = 1.
@@ -116,7 +117,7 @@ mod tests {
             leaf_width: 1,
             empty_bonus: 0.0,
         };
-        let tree = KdTree::from_parts(
+        let tree = KdTree::of_nodes(
             Mesh::new(&POSITIONS, &TRIANGLES).unwrap(),
             Aabb::of_points(&POSITIONS),
             vec![Node::inner(0, 1.0, 2), Node::leaf(0, 1), Node::leaf(1, 1)],
@@ -135,7 +136,10 @@ mod tests {
         assert_eq!(stats.max_depth, 1);
         assert_eq!(
             stats.bytes,
-            size_of::<KdTree<'_>>() + 3 * size_of::<Node>() + 2 * size_of::<u32>()
+            size_of::<KdTree<'_>>()
+                + size_of::<Storage>()
+                + 3 * size_of::<Node>()
+                + 2 * size_of::<u32>()
         );
     }
 

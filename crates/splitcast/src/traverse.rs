@@ -1,19 +1,21 @@
 //! Rays through the tree: each query is a sink for hits, fed by one descent.
 
 mod descend;
-mod filter;
+mod lanes;
 pub mod reference;
 mod triangle;
 
 use std::ops::ControlFlow;
 
 pub use descend::TraversalCounts;
-use fearless_simd::Simd;
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 
 use crate::simd::{Kernel, dispatch};
+use crate::wide::{Block, LANES};
 use crate::{Hit, KdTree, Mesh, Ray};
-use descend::{LeafVisitor, PlaneDistances, descend};
-use filter::{BLOCK, BlockFilter};
+use descend::{BlockVisitor, Slabs, descend};
+use lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
 use triangle::{Crossing, ShearedRay, unit_normal};
 
 impl KdTree<'_> {
@@ -30,12 +32,37 @@ impl KdTree<'_> {
         (closest.into_hit(self.mesh()), counts)
     }
 
+    /// The nearest of the hits that `accept` lets through, such as those on
+    /// opaque parts of a texture. It is asked about each hit that is nearer than the nearest
+    /// accepted so far, in no order and perhaps more than once.
+    pub fn closest_hit_where(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        let mut accepted = Accepted {
+            sink: Closest::new(ray),
+            mesh: self.mesh(),
+            accept,
+        };
+        self.trace(ray, &mut accepted);
+        accepted.sink.into_hit(self.mesh())
+    }
+
     /// Whether anything is hit along the ray within its range. Cheaper than
     /// [`KdTree::closest_hit`]: the first hit found will do.
     pub fn occluded(&self, ray: &Ray) -> bool {
         let mut any = Any::new(ray);
         self.trace(ray, &mut any);
         any.found
+    }
+
+    /// Whether any hit along the ray within its range is let through by `accept`, which is
+    /// asked in no order and perhaps more than once about a hit.
+    pub fn occluded_where(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
+        let mut accepted = Accepted {
+            sink: Any::new(ray),
+            mesh: self.mesh(),
+            accept,
+        };
+        self.trace(ray, &mut accepted);
+        accepted.sink.found
     }
 
     /// Replaces the contents of `hits` with all hits along the ray within its
@@ -49,7 +76,7 @@ impl KdTree<'_> {
         all.finish(self.mesh());
     }
 
-    /// Feeds the hits of the ray to `sink`, leaf by leaf.
+    /// Feeds the hits of the ray to `sink`, block by block.
     #[inline(always)]
     fn trace(&self, ray: &Ray, sink: &mut impl HitSink) -> TraversalCounts {
         dispatch(Trace {
@@ -73,28 +100,44 @@ impl<H: HitSink> Kernel for Trace<'_, '_, H> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> TraversalCounts {
         let Self { tree, ray, sink } = self;
-        let reach = tree.bounds().reach(ray.origin);
-        let planes = PlaneDistances::new(ray, reach);
+        let bounds = tree.bounds();
+        let slabs = Slabs::new(ray, bounds.reach(ray.origin));
         // The box first: many rays miss it, few are invalid.
-        let Some(interval) = planes.clip_to_box(tree, ray) else {
+        if slabs.clip(&bounds, ray.t_min, ray.t_max).is_none() {
             return TraversalCounts::default();
-        };
+        }
         let Some(sheared) = ShearedRay::new(ray) else {
             return TraversalCounts::default();
         };
-        let mut tester = LeafTester {
+        let splat = |[x, y, z]: [f32; 3]| {
+            [
+                f32x8::splat(simd, x),
+                f32x8::splat(simd, y),
+                f32x8::splat(simd, z),
+            ]
+        };
+        let reach = length_bound(bounds.farthest(ray.origin));
+        let mut tester = BlockTester {
+            simd,
             mesh: tree.mesh(),
-            filter: BlockFilter::new(simd, &sheared, reach),
+            lanes: RayLanes {
+                origin: splat(ray.origin),
+                direction: splat(ray.direction),
+            },
+            errors: ErrorScale::new(length_bound(ray.direction), reach),
             sheared,
             t_min: ray.t_min,
             sink,
         };
-        descend(tree, &planes, interval, &mut tester)
+        descend(simd, tree.wide(), &slabs, ray.t_min, &mut tester)
     }
 }
 
 /// What a query does with hits.
 trait HitSink {
+    /// Whether it is enough to know that there is a hit.
+    const ANY: bool = false;
+
     /// Hits beyond this are of no interest (any more).
     fn t_max(&self) -> f32;
 
@@ -120,29 +163,40 @@ fn test_triangle(
     ControlFlow::Continue(())
 }
 
-/// Passes the hits in the leaves that a descent visits on to a sink.
-struct LeafTester<'q, 'm, S: Simd, H> {
+/// Passes the hits in the blocks that a descent visits on to a sink.
+struct BlockTester<'q, 'm, S: Simd, H> {
+    simd: S,
     mesh: Mesh<'m>,
-    filter: BlockFilter<S>,
+    lanes: RayLanes<f32x8<S>>,
+    errors: ErrorScale,
     sheared: ShearedRay<'q>,
     t_min: f32,
     sink: &'q mut H,
 }
 
-impl<S: Simd, H: HitSink> LeafVisitor for LeafTester<'_, '_, S, H> {
+impl<S: Simd, H: HitSink> BlockVisitor for BlockTester<'_, '_, S, H> {
     #[inline(always)]
-    fn visit(&mut self, references: &[u32], count: usize) -> ControlFlow<()> {
-        for first in (0..count).step_by(BLOCK) {
-            let block = &references[first..];
-            let (left, t_max) = (count - first, self.sink.t_max());
-            let mut candidates = self
-                .filter
-                .candidates(self.mesh, block, left, self.t_min, t_max);
-            while candidates != 0 {
-                let triangle = block[candidates.trailing_zeros() as usize];
-                candidates &= candidates - 1;
-                test_triangle(self.mesh, &self.sheared, self.t_min, triangle, self.sink)?;
-            }
+    fn visit(&mut self, block: &Block) -> ControlFlow<()> {
+        let simd = self.simd;
+        let triangles = TriangleLanes::of_block(simd, block);
+        let errors = self.errors.of(simd, &triangles);
+        let passing = Passing::new(&self.lanes, &triangles, &errors);
+        if passing.missed.all_true() {
+            return ControlFlow::Continue(());
+        }
+        let distance = passing.distance(simd, &errors);
+        let t_min = f32x8::splat(simd, self.t_min);
+        let t_max = f32x8::splat(simd, self.sink.t_max());
+        if H::ANY && distance.surely_within(t_min, t_max).any_true() {
+            let somewhere = Crossing::default();
+            return self.sink.take(somewhere, block.triangles[0]);
+        }
+        let possible = distance.possible(t_min, t_max) & !passing.missed;
+        let mut candidates = possible.to_bitmask() as u32;
+        while candidates != 0 {
+            let triangle = block.triangles[candidates.trailing_zeros() as usize % LANES];
+            candidates &= candidates - 1;
+            test_triangle(self.mesh, &self.sheared, self.t_min, triangle, self.sink)?;
         }
         ControlFlow::Continue(())
     }
@@ -206,6 +260,8 @@ impl Any {
 }
 
 impl HitSink for Any {
+    const ANY: bool = true;
+
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.t_max
@@ -215,6 +271,28 @@ impl HitSink for Any {
     fn take(&mut self, _: Crossing, _: u32) -> ControlFlow<()> {
         self.found = true;
         ControlFlow::Break(())
+    }
+}
+
+/// Lets a closure choose hits.
+struct Accepted<'m, H, F> {
+    sink: H,
+    mesh: Mesh<'m>,
+    accept: F,
+}
+
+impl<H: HitSink, F: FnMut(&Hit) -> bool> HitSink for Accepted<'_, H, F> {
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.sink.t_max()
+    }
+
+    #[inline(always)]
+    fn take(&mut self, crossing: Crossing, triangle: u32) -> ControlFlow<()> {
+        if (self.accept)(&complete(self.mesh, crossing, triangle)) {
+            return self.sink.take(crossing, triangle);
+        }
+        ControlFlow::Continue(())
     }
 }
 

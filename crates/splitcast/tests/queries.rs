@@ -152,7 +152,7 @@ fn invalid_rays_take_no_step() {
             let (hit, counts) = tree.closest_hit_counted(&ray);
             assert_eq!((hit, counts), (None, Default::default()));
         }
-        assert_eq!(tree.closest_hit_counted(&ray).1.triangles, 1);
+        assert_eq!(tree.closest_hit_counted(&ray).1.blocks, 1);
     });
 }
 

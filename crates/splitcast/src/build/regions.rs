@@ -6,8 +6,10 @@ use std::sync::Arc;
 use super::changes::MeshHashes;
 use super::subtree::expected_cost;
 use super::{NodeWriter, Subtree};
-use crate::kd_tree::{Node, NodeKind};
-use crate::{Aabb, CostModel};
+use crate::kd_tree::{Node, NodeKind, Storage};
+use crate::wide::LeafGroup;
+use crate::wide::leaf::{self, LeafMemory};
+use crate::{Aabb, CostModel, Mesh};
 
 /// References of a region, at most, when it is made: a change makes work of no less than a
 /// region, and a region costs 16 bytes and some 30 nanoseconds.
@@ -28,6 +30,8 @@ pub(super) struct Region {
 pub(super) struct Regions {
     /// In depth-first order; nodes count from the subtree's first.
     pub(super) regions: Vec<Region>,
+    /// The leaves of each.
+    pub(super) leaves: Vec<LeafGroup<'static>>,
     /// Expected cost of the planes between them, times the area of the subtree's cell.
     pub(super) planes_cost: f64,
 }
@@ -35,8 +39,8 @@ pub(super) struct Regions {
 /// A frame's tree as the next frame needs it.
 #[derive(Clone, Debug)]
 pub(crate) struct TrackedTree {
-    pub(super) nodes: Arc<Vec<Node>>,
-    pub(super) references: Arc<Vec<u32>>,
+    /// Each region's leaves are a group of the wide form.
+    pub(super) storage: Arc<Storage>,
     pub(super) bounds: Aabb,
     /// Number of triangles of the mesh.
     pub(super) triangles: usize,
@@ -64,7 +68,7 @@ impl TrackedTree {
             .peekable();
         let mut index = 0;
         loop {
-            match self.nodes[index].kind() {
+            match self.nodes()[index].kind() {
                 NodeKind::Inner {
                     axis,
                     position,
@@ -76,7 +80,7 @@ impl TrackedTree {
                 _ => {
                     regions.next();
                     writer.leaf(std::iter::empty());
-                    places.push(index..subtree_end(&self.nodes, index));
+                    places.push(index..subtree_end(self.nodes(), index));
                     let Some((inner, right)) = right_children.pop() else {
                         return (writer.finish(), places);
                     };
@@ -87,14 +91,18 @@ impl TrackedTree {
         }
     }
 
+    fn nodes(&self) -> &[Node] {
+        &self.storage.nodes
+    }
+
     /// Where the references of a region are, given its nodes.
     pub(super) fn references_of(&self, nodes: Range<usize>) -> Range<usize> {
-        references_of(&self.nodes[nodes])
+        references_of(&self.nodes()[nodes])
     }
 
     /// The triangles in the leaves of a region, given its nodes.
     pub(super) fn triangles_of(&self, nodes: Range<usize>) -> &[u32] {
-        &self.references[self.references_of(nodes)]
+        &self.storage.references[self.references_of(nodes)]
     }
 
     /// The expected cost over that of the last tree that was built as a whole.
@@ -134,9 +142,17 @@ fn references_of(nodes: &[Node]) -> Range<usize> {
 
 /// Divides a new subtree into regions: its largest subtrees of no more than [`REGION`]
 /// references.
-pub(super) fn divide(subtree: &Subtree, cell: Aabb, cost: &CostModel, coarse: bool) -> Regions {
+pub(super) fn divide(
+    mesh: Mesh<'_>,
+    subtree: &Subtree,
+    cell: Aabb,
+    cost: &CostModel,
+    coarse: bool,
+    memory: &mut LeafMemory,
+) -> Regions {
     let nodes = subtree.nodes();
     let mut regions = Vec::with_capacity(subtree.reference_count() * 2 / REGION + 1);
+    let mut leaves = Vec::with_capacity(regions.capacity());
     let mut planes_cost = 0.0;
     let mut waiting = vec![(0, nodes.len(), cell)];
     while let Some((root, end, cell)) = waiting.pop() {
@@ -152,15 +168,20 @@ pub(super) fn divide(subtree: &Subtree, cell: Aabb, cost: &CostModel, coarse: bo
                 waiting.push((right, end, right_cell));
                 waiting.push((root + 1, right, left_cell));
             }
-            _ => regions.push(Region {
-                root: root as u32,
-                cost: expected_cost(&nodes[root..end], cell, cost),
-                coarse,
-            }),
+            _ => {
+                let own = &nodes[root..end];
+                regions.push(Region {
+                    root: root as u32,
+                    cost: expected_cost(own, cell, cost),
+                    coarse,
+                });
+                leaves.push(leaf::group(mesh, own, subtree.references(), cell, memory));
+            }
         }
     }
     Regions {
         regions,
+        leaves,
         planes_cost,
     }
 }

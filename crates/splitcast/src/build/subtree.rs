@@ -5,8 +5,10 @@
 //! in that same order, so that the result does not depend on the threads.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use crate::kd_tree::{KdTree, MAX_REFERENCES, Node, NodeKind};
+use crate::kd_tree::{KdTree, MAX_REFERENCES, Node, NodeKind, Storage};
+use crate::wide::WideTree;
 use crate::{Aabb, BuildError, CostModel, Mesh};
 
 /// A finished subtree; child and reference indices count from its own start.
@@ -122,6 +124,11 @@ impl Subtree {
         self.references.len()
     }
 
+    /// Triangle indices; every leaf owns a range of them.
+    pub(crate) fn references(&self) -> &[u32] {
+        &self.references
+    }
+
     /// All nodes, depth first.
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes
@@ -144,19 +151,34 @@ impl Subtree {
         cost: CostModel,
         skipped_triangles: usize,
     ) -> Result<KdTree<'_>, BuildError> {
+        self.check_size()?;
+        let wide = WideTree::new(mesh, bounds, &self.nodes, &self.references);
+        Ok(KdTree::from_storage(
+            mesh,
+            bounds,
+            Arc::new(self.into_storage(wide)),
+            cost,
+            skipped_triangles,
+        ))
+    }
+
+    /// Whether indices can be as high as they would have to be in the whole tree.
+    pub(crate) fn check_size(&self) -> Result<(), BuildError> {
         if self.references.len() > MAX_REFERENCES || self.nodes.len() > MAX_REFERENCES {
             return Err(BuildError::TooManyReferences {
                 limit: MAX_REFERENCES,
             });
         }
-        Ok(KdTree::from_parts(
-            mesh,
-            bounds,
-            self.nodes,
-            self.references,
-            cost,
-            skipped_triangles,
-        ))
+        Ok(())
+    }
+
+    /// The whole tree, with its wide form.
+    pub(crate) fn into_storage(self, wide: WideTree) -> Storage {
+        Storage {
+            nodes: self.nodes,
+            references: self.references,
+            wide,
+        }
     }
 }
 

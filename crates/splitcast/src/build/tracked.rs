@@ -10,6 +10,7 @@
 //! of threads.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -23,6 +24,7 @@ use super::regions::{Region, Regions, TrackedTree, divide};
 use super::straddlers::cut_to_cell;
 use super::{BuildOptions, NodeWriter, Reference, Subtree, Triangles};
 use crate::kd_tree::NodeKind;
+use crate::wide::WideTree;
 use crate::{Aabb, BuildError, KdTree, Mesh};
 
 /// If more than this share of the triangles may have moved, all is built anew: with their
@@ -45,7 +47,7 @@ const LONGEST: usize = 8;
 const LARGEST_GROWTH: f32 = 1.2;
 
 /// Leaves of regions that there is no time for: about two levels less than usual.
-const COARSE_LEAF: u32 = 96;
+const COARSE_LEAF: u32 = 512;
 
 /// Time that such a region takes, of one built as usual.
 const COARSE_TIME: f64 = 0.5;
@@ -196,16 +198,17 @@ impl<'m> Frame<'_, 'm> {
     /// The last tree once more.
     fn same(&self, last: &TrackedTree) -> TrackedUpdate<'m> {
         TrackedUpdate {
-            tree: KdTree::from_shared(
+            tree: KdTree::from_storage(
                 self.mesh,
                 last.bounds,
-                (last.nodes.clone(), last.references.clone()),
+                Arc::clone(&last.storage),
                 self.options.cost,
+                0,
             ),
             tracked: Some(last.clone()),
             kept: Amount {
-                nodes: last.nodes.len(),
-                references: last.references.len(),
+                nodes: last.storage.nodes.len(),
+                references: last.storage.references.len(),
             },
             rebuilt: Amount::default(),
             coarse: Amount::default(),
@@ -301,7 +304,7 @@ impl<'m> Frame<'_, 'm> {
                 arrived.gather(leaf, gathered);
             };
         let started = Instant::now();
-        let built = self.build_regions(tasks, gather, last.references.len());
+        let built = self.build_regions(tasks, gather, last.storage.references.len());
         let building = started.elapsed();
         let mut parts: Vec<Part> = places.iter().map(|_| Part::Kept).collect();
         for (leaf, part) in built {
@@ -326,7 +329,7 @@ impl<'m> Frame<'_, 'm> {
         gather: impl Fn(usize, &mut Vec<Reference>) + Sync,
         total: usize,
     ) -> Vec<(usize, Part)> {
-        let build = |task: &Task, coarse: bool, references: &mut Vec<_>| {
+        let build = |task: &Task, coarse: bool, (references, memory): &mut (Vec<_>, _)| {
             references.clear();
             gather(task.leaf, references);
             let least = if coarse { COARSE_LEAF } else { 0 };
@@ -340,13 +343,13 @@ impl<'m> Frame<'_, 'm> {
             let limits = self.limits.below(task.depth, triangles, total);
             let subtree = binning.build(references, task.cell, limits);
             let cost = &self.options.cost;
-            let regions = divide(&subtree, task.cell, cost, coarse);
+            let regions = divide(self.mesh, &subtree, task.cell, cost, coarse, memory);
             (task.leaf, Part::Built(subtree, regions))
         };
         let Some(duration) = self.budget.duration else {
             return tasks
                 .par_iter()
-                .map_init(Vec::new, |references, task| build(task, false, references))
+                .map_init(Default::default, |memory, task| build(task, false, memory))
                 .collect();
         };
         tasks.sort_by(|a, b| {
@@ -361,7 +364,7 @@ impl<'m> Frame<'_, 'm> {
             let coarse = self.budget.started.elapsed() + rest > duration;
             let batch = batch
                 .par_iter()
-                .map_init(Vec::new, |references, task| build(task, coarse, references));
+                .map_init(Default::default, |memory, task| build(task, coarse, memory));
             built.par_extend(batch);
         }
         built.sort_unstable_by_key(|(leaf, _)| *leaf);
@@ -395,6 +398,7 @@ impl<'m> Frame<'_, 'm> {
             .fold((top.nodes().len(), 0), |(a, b), (c, d)| (a + c, b + d));
         let mut writer = NodeWriter::with_capacity(nodes, references);
         let mut regions = Vec::with_capacity(parts.len());
+        let mut leaves = Vec::with_capacity(parts.len());
         let (mut kept, mut rebuilt, mut coarse) = <(Amount, Amount, Amount)>::default();
         let planes = if last.is_some() {
             &mut kept
@@ -423,7 +427,9 @@ impl<'m> Frame<'_, 'm> {
                 (Part::Kept, Some((last, places))) => {
                     let nodes = places[leaf].clone();
                     let references = last.references_of(nodes.clone());
-                    writer.append_part(&last.nodes, nodes, &last.references, references);
+                    let storage = &last.storage;
+                    writer.append_part(&storage.nodes, nodes, &storage.references, references);
+                    leaves.push(storage.wide.group(leaf));
                     let mut region = Region {
                         root: 0,
                         ..last.regions[leaf]
@@ -433,6 +439,7 @@ impl<'m> Frame<'_, 'm> {
                     }
                     let own = Regions {
                         regions: vec![region],
+                        leaves: Vec::new(),
                         planes_cost: 0.0,
                     };
                     (own, &mut kept)
@@ -443,6 +450,7 @@ impl<'m> Frame<'_, 'm> {
             amount.nodes += end.0 - root.0;
             amount.references += end.1 - root.1;
             cost += own.planes_cost;
+            leaves.extend(own.leaves);
             for region in own.regions {
                 cost += region.cost;
                 regions.push(Region {
@@ -456,14 +464,17 @@ impl<'m> Frame<'_, 'm> {
         }
         regions.shrink_to_fit();
         let skipped = self.triangles.skipped();
-        let tree = (writer.finish()).into_tree(self.mesh, bounds, cost_model, skipped)?;
+        let subtree = writer.finish();
+        subtree.check_size()?;
+        let wide = WideTree::assemble(subtree.nodes(), leaves);
+        let storage = Arc::new(subtree.into_storage(wide));
+        let shared = Arc::clone(&storage);
+        let tree = KdTree::from_storage(self.mesh, bounds, shared, cost_model, skipped);
         let area = f64::from(bounds.half_area());
         let sah_cost = if area > 0.0 { cost / area } else { 0.0 };
         let full_sah_cost = last.map_or(sah_cost, |(last, _)| last.full_sah_cost);
-        let (nodes, references) = tree.storage();
         let tracked = TrackedTree {
-            nodes,
-            references,
+            storage,
             bounds,
             triangles: self.triangles.len(),
             hashes,

@@ -1,23 +1,25 @@
-//! Front-to-back descent of one ray: the loop that every single-ray query
-//! shares (Havran 2000, the recursive algorithm with a fixed stack).
+//! Front-to-back descent of one ray, which every single-ray query shares: eight boxes at a time,
+//! the nearest first (Wald, Benthin & Boulos 2008; Afra 2013).
 //!
-//! No hit depends on where planes lie: a hit at `t` is a point `q` of the
-//! triangle, `q` lies in some leaf that lists the triangle, and the ray's
+//! No hit depends on where boxes lie: a hit at `t` is a point `q` of the
+//! triangle, `q` lies in the box of some block that holds the triangle, and the ray's
 //! point at `t` is no farther from `q` than the errors of the triangle test.
-//! Descent widens every interval by at least as much on every axis, so that
-//! it never drops the leaf of `q` while `t` is in range.
+//! Descent widens every box by at least as much on every axis, so that
+//! it never drops the block of `q` while `t` is in range.
 
 use std::ops::ControlFlow;
 
-use crate::aabb::{lower, upper};
-use crate::build::MAX_DEPTH;
-use crate::kd_tree::NodeKind;
-use crate::{KdTree, Ray};
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 
-/// Widening of all intervals in space, relative to the reach, the distance
+use crate::aabb::upper;
+use crate::wide::{Block, LANES, WideNode, WideTree};
+use crate::{Aabb, Ray};
+
+/// Widening of all boxes, relative to the reach, the distance
 /// from the ray's origin to the farthest point of the tree. In units of 2⁻²⁴
 /// of the reach, a hit's `t` is off by 1 at most, the distance to a plane by 5 and
-/// its interval's ends by 1, and [`SLOWEST`] adds less than 1; this is 16.
+/// [`SLOWEST`] adds less than 1; this is 16.
 const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 /// Components of the direction count as no smaller than this share of the
@@ -26,153 +28,254 @@ const SLACK: f32 = 1.0 / (1 << 20) as f32;
 /// slack.
 const SLOWEST: f32 = 1.0 / (1 << 30) as f32;
 
+/// Nodes that wait on the stack itself; more are rare.
+const STACK: usize = 64;
+
 /// What a ray met on its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraversalCounts {
-    /// Inner nodes visited.
-    pub inner_nodes: u32,
-    /// Leaves visited.
-    pub leaves: u32,
-    /// Triangles tested, a triangle met in two leaves counted twice.
-    pub triangles: u32,
+    /// Nodes visited, each with up to eight boxes.
+    pub nodes: u32,
+    /// Blocks of eight triangles tested.
+    pub blocks: u32,
 }
 
-/// What a query does with the leaves that a ray meets, nearest first.
-pub(super) trait LeafVisitor {
-    /// Tests the triangles of a leaf: the first `count` of `references`, which
-    /// other leaves' follow. `Break` ends the descent.
-    fn visit(&mut self, references: &[u32], count: usize) -> ControlFlow<()>;
+/// What a query does with the blocks that a ray meets.
+pub(super) trait BlockVisitor {
+    /// Tests the triangles of a block. `Break` ends the descent.
+    fn visit(&mut self, block: &Block) -> ControlFlow<()>;
 
-    /// Leaves that begin beyond this distance are of no interest any more.
+    /// Boxes that begin beyond this distance are of no interest any more.
     fn t_max(&self) -> f32;
 }
 
-/// Visits all leaves that a valid ray meets between `enter` and `exit`, its
-/// [interval in the tree's box](PlaneDistances::clip_to_box), and within the
-/// visitor's range.
+/// Visits all blocks whose boxes the ray may meet between `t_min` and the visitor's `t_max`.
 #[inline(always)]
-pub(super) fn descend(
-    tree: &KdTree<'_>,
-    planes: &PlaneDistances,
-    (mut enter, mut exit): (f32, f32),
-    visitor: &mut impl LeafVisitor,
+pub(super) fn descend<S: Simd>(
+    simd: S,
+    wide: &WideTree,
+    slabs: &Slabs,
+    t_min: f32,
+    visitor: &mut impl BlockVisitor,
 ) -> TraversalCounts {
     let mut counts = TraversalCounts::default();
-    let nodes = tree.nodes();
-    // Nodes still to be visited, and their intervals. Three arrays rather than one of tuples:
-    // each is short enough to be cleared without a call.
-    let mut waiting = [0u32; MAX_DEPTH as usize];
-    let mut enters = [0.0f32; MAX_DEPTH as usize];
-    let mut exits = [0.0f32; MAX_DEPTH as usize];
-    let mut top = 0;
-    let mut index = 0;
+    let slabs = slabs.lanes(simd, t_min);
+    let nodes = wide.nodes();
+    let mut stack = Stack::new();
+    let mut index = wide.root();
     loop {
-        match nodes[index].kind() {
-            NodeKind::Inner {
-                axis,
-                position,
-                right,
-            } => {
-                counts.inner_nodes += 1;
-                let left = index + 1;
-                let (first, second) = if planes.inverse[axis] < 0.0 {
-                    (right, left)
-                } else {
-                    (left, right)
-                };
-                let (low, high) = planes.to(axis, position);
-                // NaN, from overflow only, makes every comparison fail: both sides are visited
-                // over the whole interval.
-                if high < enter {
-                    index = second;
-                } else if low > exit {
-                    index = first;
-                } else {
-                    index = first;
-                    waiting[top] = second as u32;
-                    enters[top] = upper(enter, low);
-                    exits[top] = exit;
-                    top += 1;
-                    exit = lower(exit, high);
+        let node = &nodes[index as usize];
+        counts.nodes += 1;
+        let (near, mut met) = slabs.meet(simd, node, visitor.t_max());
+        if let Some(group) = node.group() {
+            let blocks = wide.blocks(group);
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize % LANES;
+                met &= met - 1;
+                if near[lane] > visitor.t_max() {
+                    continue;
                 }
-            }
-            NodeKind::Leaf { first, count } => {
-                counts.leaves += 1;
-                counts.triangles += count as u32;
-                let references = &tree.references()[first..];
-                if visitor.visit(references, count).is_break() {
-                    return counts;
-                }
-                loop {
-                    if top == 0 {
+                for block in &blocks[node.blocks(lane)] {
+                    counts.blocks += 1;
+                    if visitor.visit(block).is_break() {
                         return counts;
                     }
-                    top -= 1;
-                    if enters[top] <= visitor.t_max() {
-                        index = waiting[top] as usize;
-                        enter = enters[top];
-                        exit = exits[top];
-                        break;
-                    }
                 }
+            }
+        } else if met != 0 {
+            let lane = met.trailing_zeros() as usize % LANES;
+            met &= met - 1;
+            if met == 0 {
+                index = node.child(lane);
+                continue;
+            }
+            index = stack.push_but_nearest(node, &near, lane, met);
+            continue;
+        }
+        loop {
+            let Some((waiting, near)) = stack.pop() else {
+                return counts;
+            };
+            if near <= visitor.t_max() {
+                index = waiting;
+                break;
             }
         }
     }
 }
 
-/// Distances along one ray to axis-aligned planes, with their slack.
-pub(super) struct PlaneDistances {
-    origin: [f32; 3],
-    inverse: [f32; 3],
-    /// The slack in space, turned into one of distance on each axis.
-    slack: [f32; 3],
+/// Nodes that wait, and where the ray meets them.
+struct Stack {
+    nodes: [u32; STACK],
+    nears: [f32; STACK],
+    count: usize,
+    /// What there was no room for.
+    more: Vec<(u32, f32)>,
 }
 
-impl PlaneDistances {
-    /// `reach` is the tree's from the ray's origin ([`Aabb::reach`](crate::Aabb::reach)).
+impl Stack {
+    #[inline(always)]
+    fn new() -> Self {
+        Self {
+            nodes: [0; STACK],
+            nears: [0.0; STACK],
+            count: 0,
+            more: Vec::new(),
+        }
+    }
+
+    /// Lets the children in `lane` and in the lanes of `met` wait, nearest last, but for the
+    /// nearest.
+    #[inline(always)]
+    fn push_but_nearest(
+        &mut self,
+        node: &WideNode,
+        near: &[f32; LANES],
+        lane: usize,
+        mut met: u32,
+    ) -> u32 {
+        let (mut nearest, mut distance) = (node.child(lane), near[lane]);
+        let first = self.count;
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize % LANES;
+            met &= met - 1;
+            let (mut child, mut t) = (node.child(lane), near[lane]);
+            if t < distance {
+                (child, nearest) = (nearest, child);
+                (t, distance) = (distance, t);
+            }
+            if self.count == STACK {
+                // Their order costs time at most.
+                self.more.push((child, t));
+                continue;
+            }
+            let mut place = self.count;
+            while place > first && self.nears[place - 1] < t {
+                self.nears[place] = self.nears[place - 1];
+                self.nodes[place] = self.nodes[place - 1];
+                place -= 1;
+            }
+            self.nears[place] = t;
+            self.nodes[place] = child;
+            self.count += 1;
+        }
+        nearest
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<(u32, f32)> {
+        if !self.more.is_empty() {
+            return self.more.pop();
+        }
+        self.count = self.count.checked_sub(1)?;
+        let top = self.count % STACK;
+        Some((self.nodes[top], self.nears[top]))
+    }
+}
+
+/// Distances along one ray to axis-aligned planes, with their slack.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slabs {
+    inverse: [f32; 3],
+    /// The origin, moved away from the planes where the ray enters boxes, and from those where
+    /// it leaves them.
+    enter_from: [f32; 3],
+    leave_from: [f32; 3],
+}
+
+impl Slabs {
+    /// `reach` is the tree's from the ray's origin ([`Aabb::reach`]).
     #[inline(always)]
     pub(super) fn new(ray: &Ray, reach: f32) -> Self {
         let [x, y, z] = ray.direction;
         let fastest = upper(upper(x.abs(), y.abs()), z.abs());
         let slowest = fastest * SLOWEST;
         let slack = reach * SLACK;
-        let inverse = [
-            upper(x.abs(), slowest).copysign(x).recip(),
-            upper(y.abs(), slowest).copysign(y).recip(),
-            upper(z.abs(), slowest).copysign(z).recip(),
-        ];
-        Self {
-            origin: ray.origin,
-            inverse,
-            slack: [
-                inverse[0].abs() * slack,
-                inverse[1].abs() * slack,
-                inverse[2].abs() * slack,
-            ],
+        let mut slabs = Self {
+            inverse: [0.0; 3],
+            enter_from: [0.0; 3],
+            leave_from: [0.0; 3],
+        };
+        for axis in 0..3 {
+            let (origin, along) = (ray.origin[axis], ray.direction[axis]);
+            slabs.inverse[axis] = upper(along.abs(), slowest).copysign(along).recip();
+            // At least the slack, even where the origin is far from 0.
+            let (below, above) = ((origin - slack).next_down(), (origin + slack).next_up());
+            (slabs.enter_from[axis], slabs.leave_from[axis]) = if slabs.inverse[axis] < 0.0 {
+                (below, above)
+            } else {
+                (above, below)
+            };
         }
+        slabs
     }
 
-    /// The earliest and the latest distance at which the ray may pass the plane.
+    /// The part of a range that is inside a box; `None` if there is none.
     #[inline(always)]
-    fn to(&self, axis: usize, position: f32) -> (f32, f32) {
-        let t = (position - self.origin[axis]) * self.inverse[axis];
-        (t - self.slack[axis], t + self.slack[axis])
-    }
-
-    /// The part of the ray's range inside the tree's box.
-    #[inline(always)]
-    pub(super) fn clip_to_box(&self, tree: &KdTree<'_>, ray: &Ray) -> Option<(f32, f32)> {
-        let bounds = tree.bounds();
-        let (mut enter, mut exit) = (ray.t_min, ray.t_max);
+    pub(super) fn clip(&self, bounds: &Aabb, t_min: f32, t_max: f32) -> Option<(f32, f32)> {
+        let (mut enter, mut leave) = (t_min, t_max);
         for axis in 0..3 {
             let (mut near, mut far) = (bounds.min[axis], bounds.max[axis]);
             if self.inverse[axis] < 0.0 {
-                std::mem::swap(&mut near, &mut far);
+                (near, far) = (far, near);
             }
             // Both drop NaN.
-            enter = upper(enter, self.to(axis, near).0);
-            exit = lower(exit, self.to(axis, far).1);
+            enter = upper(enter, (near - self.enter_from[axis]) * self.inverse[axis]);
+            leave = crate::aabb::lower(leave, (far - self.leave_from[axis]) * self.inverse[axis]);
         }
-        (enter <= exit).then_some((enter, exit))
+        (enter <= leave).then_some((enter, leave))
+    }
+
+    /// The same in every lane.
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, t_min: f32) -> SlabLanes<S> {
+        let splat = |[x, y, z]: [f32; 3]| {
+            [
+                f32x8::splat(simd, x),
+                f32x8::splat(simd, y),
+                f32x8::splat(simd, z),
+            ]
+        };
+        let row = |axis: usize| 2 * axis + usize::from(self.inverse[axis] < 0.0);
+        SlabLanes {
+            inverse: splat(self.inverse),
+            enter_from: splat(self.enter_from),
+            leave_from: splat(self.leave_from),
+            enter_rows: [row(0), row(1), row(2)],
+            t_min: f32x8::splat(simd, t_min),
+        }
+    }
+}
+
+/// [`Slabs`] in every lane.
+struct SlabLanes<S: Simd> {
+    inverse: [f32x8<S>; 3],
+    enter_from: [f32x8<S>; 3],
+    leave_from: [f32x8<S>; 3],
+    /// Which rows of a node's bounds the ray enters by.
+    enter_rows: [usize; 3],
+    t_min: f32x8<S>,
+}
+
+impl<S: Simd> SlabLanes<S> {
+    /// Where the ray meets each of a node's boxes, and the set of those that it may meet before
+    /// `t_max`.
+    #[inline(always)]
+    fn meet(&self, simd: S, node: &WideNode, t_max: f32) -> ([f32; LANES], u32) {
+        let row = |row: usize| f32x8::simd_from(simd, node.bounds[row % 6]);
+        let [x, y, z] = self.enter_rows;
+        let enter_x = (row(x) - self.enter_from[0]) * self.inverse[0];
+        let enter_y = (row(y) - self.enter_from[1]) * self.inverse[1];
+        let enter_z = (row(z) - self.enter_from[2]) * self.inverse[2];
+        let leave_x = (row(x ^ 1) - self.leave_from[0]) * self.inverse[0];
+        let leave_y = (row(y ^ 1) - self.leave_from[1]) * self.inverse[1];
+        let leave_z = (row(z ^ 1) - self.leave_from[2]) * self.inverse[2];
+        let enter = enter_x.max(enter_y).max(enter_z.max(self.t_min));
+        let leave = leave_x
+            .min(leave_y)
+            .min(leave_z.min(f32x8::splat(simd, t_max)));
+        // NaN, from overflow only, meets.
+        let met = !enter.simd_gt(leave);
+        (enter.into(), met.to_bitmask() as u32)
     }
 }

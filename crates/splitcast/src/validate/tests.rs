@@ -46,7 +46,7 @@ impl Parts {
     }
 
     fn violations(&self) -> Vec<Violation> {
-        KdTree::from_parts(
+        KdTree::of_nodes(
             Mesh::new(&self.positions, &TRIANGLES).unwrap(),
             self.bounds,
             self.nodes.clone(),
@@ -287,7 +287,7 @@ fn reports_are_bounded_and_one_line_each() {
     let triangles = vec![[0, 1, 2]; 1000];
     let mesh = Mesh::new(&positions, &triangles).unwrap();
     let built = KdTree::build(mesh, &BuildOptions::default()).unwrap();
-    let empty = KdTree::from_parts(
+    let empty = KdTree::of_nodes(
         mesh,
         built.bounds(),
         vec![Node::leaf(0, 0)],

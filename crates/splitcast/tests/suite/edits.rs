@@ -128,11 +128,12 @@ pub(crate) fn muddled(ranges: &[Range<usize>], count: usize, rng: &mut Rng) -> V
         let (start, end) = (range.end, range.start);
         muddled.push(start..end);
     }
+    let (start, end) = (usize::MAX, 0);
     muddled.extend([
         0..0,
         count..count + 100,
         usize::MAX - 1..usize::MAX,
-        usize::MAX..0,
+        start..end,
         count / 2..count / 2,
     ]);
     for last in (1..muddled.len()).rev() {

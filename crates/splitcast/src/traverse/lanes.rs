@@ -1,0 +1,245 @@
+//! Rays against triangles in single precision, lane by lane: one ray and many
+//! triangles, or many rays and one triangle.
+//!
+//! The test is that of Möller & Trumbore (1997), with bounds on its rounding errors (a
+//! filter in the sense of Shewchuk 1997). What it calls missed or hit, the
+//! [exact test](super::triangle) calls so, too; the rest, about one in a thousand of what is
+//! tested, is put to that. Hits are thus the same bits whatever lanes, and whatever instruction
+//! set, they have passed, fused operations or not.
+//!
+//! In what follows u = 2⁻²⁴, D is the length of a ray's direction, R the distance from its
+//! origin to the farthest point of the tree, and E the length of the longer of a triangle's edges
+//! `e1` and `e2` from its first corner. Edges and the way from a corner to the origin are off by u, a
+//! cross product of them by at most 4.5 u of the product of lengths, its dot product with a third by
+//! 9 u. So with E ≤ 2 R
+//!
+//! - the weights U and V, at most R·D·E each, are off by 9 u·R·D·E;
+//! - the determinant by 9 u·D·E², the third weight, W = det - U - V, by
+//!   20 u·R·D·E + 10 u·D·E²;
+//! - the depth T by 9 u·R·E².
+//!
+//! E is taken as √3 times the largest coordinate. All constants below are larger by a tenth and
+//! more. Underflow adds less than `f32::MIN_POSITIVE · (1 + R + D)`. Where products might overflow,
+//! nothing is certain.
+
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
+
+use crate::aabb::upper;
+use crate::wide::{Block, LANES};
+
+/// Distance between 1 and the next number below, halved: what one rounding may do.
+const ROUNDING: f32 = 1.0 / (1 << 24) as f32;
+
+/// A number or a point in each lane.
+type Point<V> = [V; 3];
+
+/// Rays, one a lane; or one ray in all of them.
+#[derive(Clone, Copy)]
+pub(super) struct RayLanes<V> {
+    pub(super) origin: Point<V>,
+    pub(super) direction: Point<V>,
+}
+
+/// Triangles, one a lane; or one triangle in all of them.
+#[derive(Clone, Copy)]
+pub(super) struct TriangleLanes<V> {
+    pub(super) corner: Point<V>,
+    /// To the second and the third corner.
+    pub(super) edges: [Point<V>; 2],
+}
+
+impl<S: Simd> TriangleLanes<f32x8<S>> {
+    /// The triangles of a block.
+    #[inline(always)]
+    pub(super) fn of_block(simd: S, block: &Block) -> Self {
+        let point = |rows: &[[f32; LANES]; 3]| {
+            [
+                f32x8::simd_from(simd, rows[0]),
+                f32x8::simd_from(simd, rows[1]),
+                f32x8::simd_from(simd, rows[2]),
+            ]
+        };
+        Self {
+            corner: point(&block.corner),
+            edges: [point(&block.edges[0]), point(&block.edges[1])],
+        }
+    }
+}
+
+/// What bounds the errors for rays, whatever the triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ErrorScale {
+    /// Of weights, for each unit of E, and of E².
+    weight: [f32; 2],
+    /// Of the determinant and of the depth, for each unit of E².
+    determinant: f32,
+    depth: f32,
+    /// What underflow adds.
+    tiny: f32,
+}
+
+impl ErrorScale {
+    /// For rays with directions no longer than `length`, no farther than `reach` from any point of
+    /// the tree.
+    #[inline(always)]
+    pub(super) fn new(length: f32, reach: f32) -> Self {
+        // No product exceeds 6 R·D·E or 6 R·E², where E is at most 2 R.
+        let largest = (length + reach) * reach * reach * 32.0;
+        let unit = if largest.is_finite() {
+            ROUNDING
+        } else {
+            f32::INFINITY
+        };
+        // Units of the largest coordinate instead of E: factors of √3 and 3.
+        Self {
+            weight: [
+                (20.0 * 1.75 * 1.1) * unit * length * reach,
+                (10.0 * 3.0 * 1.1) * unit * length,
+            ],
+            determinant: (9.0 * 3.0 * 1.1) * unit * length,
+            depth: (9.0 * 3.0 * 1.1) * unit * reach,
+            tiny: f32::MIN_POSITIVE * (1.0 + reach + length),
+        }
+    }
+
+    /// Bounds for each triangle.
+    #[inline(always)]
+    pub(super) fn of<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        triangles: &TriangleLanes<V>,
+    ) -> ErrorLanes<V> {
+        let [[a, b, c], [d, e, f]] = triangles.edges;
+        let size = (a.abs().max(b.abs()).max(c.abs())).max(d.abs().max(e.abs()).max(f.abs()));
+        let splat = |x: f32| V::splat(simd, x);
+        let square = size * size;
+        ErrorLanes {
+            weight: size.mul_add(
+                size.mul_add(splat(self.weight[1]), splat(self.weight[0])),
+                splat(self.tiny),
+            ),
+            determinant: square.mul_add(splat(self.determinant), splat(self.tiny)),
+            depth: square.mul_add(splat(self.depth), splat(self.tiny)),
+        }
+    }
+}
+
+/// Bounds on errors for a triangle in each lane.
+#[derive(Clone, Copy)]
+pub(super) struct ErrorLanes<V> {
+    pub(super) weight: V,
+    pub(super) determinant: V,
+    pub(super) depth: V,
+}
+
+/// Where a ray's line passes a triangle, in each lane.
+pub(super) struct Passing<S: Simd, V: SimdFloat<S>> {
+    /// Whether it surely misses.
+    pub(super) missed: V::Mask,
+    /// Whether it surely hits.
+    hit: V::Mask,
+    determinant: V,
+    depth: V,
+}
+
+/// At what distance rays hit, in each lane.
+pub(super) struct Distance<S: Simd, V: SimdFloat<S>> {
+    /// Lowest and highest value that the distance may have; of no meaning where
+    /// it is not [known](Self::known).
+    pub(super) low: V,
+    pub(super) high: V,
+    /// Whether a distance can be told.
+    known: V::Mask,
+    /// Whether the line surely hits the triangle, at such a distance.
+    pub(super) sure: V::Mask,
+}
+
+impl<S: Simd, V: SimdFloat<S, Element = f32>> Passing<S, V> {
+    /// Looks on which sides of a triangle's edges rays pass.
+    #[inline(always)]
+    pub(super) fn new(
+        rays: &RayLanes<V>,
+        triangles: &TriangleLanes<V>,
+        errors: &ErrorLanes<V>,
+    ) -> Self {
+        let RayLanes { origin, direction } = rays;
+        let TriangleLanes { corner, edges } = triangles;
+        let across = cross(direction, &edges[1]);
+        let way = [
+            origin[0] - corner[0],
+            origin[1] - corner[1],
+            origin[2] - corner[2],
+        ];
+        let beside = cross(&way, &edges[0]);
+        let determinant = dot(&edges[0], &across);
+        let u = dot(&way, &across);
+        let v = dot(direction, &beside);
+        let w = determinant - u - v;
+        let (lowest, highest) = (u.min(v).min(w), u.max(v).max(w));
+        let (least, most) = (-errors.weight, errors.weight);
+        Self {
+            missed: lowest.simd_lt(least) & highest.simd_gt(most),
+            hit: lowest.simd_gt(most) | highest.simd_lt(least),
+            determinant,
+            depth: dot(&edges[1], &beside),
+        }
+    }
+
+    /// Finds at what distance that is.
+    #[inline(always)]
+    pub(super) fn distance(&self, simd: S, errors: &ErrorLanes<V>) -> Distance<S, V> {
+        let inverse = V::splat(simd, 1.0) / self.determinant;
+        let t = self.depth * inverse;
+        let (inverse, size) = (inverse.abs(), t.abs());
+        let error = size.mul_add(errors.determinant, errors.depth) * inverse;
+        let slack = size.mul_add(V::splat(simd, 4.0 * ROUNDING), error * 1.4);
+        // 1 / (1 - 0.25) is below 1.4.
+        let known = (errors.determinant * inverse).simd_lt(0.25);
+        Distance {
+            low: t - slack,
+            high: t + slack,
+            known,
+            sure: self.hit & known,
+        }
+    }
+}
+
+impl<S: Simd, V: SimdFloat<S, Element = f32>> Distance<S, V> {
+    /// Whether it may lie in a range.
+    #[inline(always)]
+    pub(super) fn possible(&self, t_min: V, t_max: V) -> V::Mask {
+        !(self.known & (self.high.simd_lt(t_min) | self.low.simd_gt(t_max)))
+    }
+
+    /// Whether a hit surely lies in a range.
+    #[inline(always)]
+    pub(super) fn surely_within(&self, t_min: V, t_max: V) -> V::Mask {
+        self.sure & self.low.simd_ge(t_min) & self.high.simd_le(t_max)
+    }
+}
+
+#[inline(always)]
+fn cross<S: Simd, V: SimdFloat<S, Element = f32>>(a: &Point<V>, b: &Point<V>) -> Point<V> {
+    [
+        a[1].mul_sub(b[2], a[2] * b[1]),
+        a[2].mul_sub(b[0], a[0] * b[2]),
+        a[0].mul_sub(b[1], a[1] * b[0]),
+    ]
+}
+
+#[inline(always)]
+fn dot<S: Simd, V: SimdFloat<S, Element = f32>>(a: &Point<V>, b: &Point<V>) -> V {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+/// The length of a vector, or a little more, without overflow or underflow on the way.
+#[inline(always)]
+pub(super) fn length_bound([x, y, z]: [f32; 3]) -> f32 {
+    let largest = upper(upper(x.abs(), y.abs()), z.abs());
+    if largest == 0.0 {
+        return 0.0;
+    }
+    let (x, y, z) = (x / largest, y / largest, z / largest);
+    (x * x + y * y + z * z).sqrt() * largest * 1.000_001
+}

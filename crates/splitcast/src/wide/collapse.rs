@@ -1,0 +1,109 @@
+//! Inner nodes of eight children from those of two.
+
+use super::{LANES, WideNode};
+use crate::Aabb;
+use crate::kd_tree::{Node, NodeKind};
+
+/// What becomes of a node of the kd-tree.
+#[derive(Clone, Copy)]
+struct Place {
+    /// The box around what rays can hit below it.
+    content: Aabb,
+    /// A leaf's wide node.
+    leaf: u32,
+}
+
+/// Adds inner nodes to the `wide` leaves of a kd-tree, and gives the root.
+pub(super) fn collapse(nodes: &[Node], wide: &mut Vec<WideNode>) -> u32 {
+    let places = places(nodes, wide);
+    if let NodeKind::Leaf { .. } = nodes[0].kind() {
+        return 0;
+    }
+    let root = wide.len() as u32;
+    // Nodes of the kd-tree that become wide nodes, in the order of those.
+    let mut waiting = vec![0];
+    wide.push(WideNode::EMPTY);
+    let mut next = 0;
+    while next < waiting.len() {
+        let (children, count) = children(nodes, &places, waiting[next]);
+        let index = root as usize + next;
+        next += 1;
+        for (lane, &child) in children[..count].iter().enumerate() {
+            let place = &places[child as usize];
+            let first = match nodes[child as usize].kind() {
+                NodeKind::Leaf { .. } => place.leaf,
+                NodeKind::Inner { .. } => {
+                    waiting.push(child);
+                    wide.push(WideNode::EMPTY);
+                    wide.len() as u32 - 1
+                }
+            };
+            let node = &mut wide[index];
+            node.set_bounds(lane, &place.content);
+            node.first[lane] = first;
+        }
+    }
+    root
+}
+
+/// The content of every node, from below: children come after their parents.
+fn places(nodes: &[Node], leaves: &[WideNode]) -> Vec<Place> {
+    let nothing = Place {
+        content: Aabb::EMPTY,
+        leaf: 0,
+    };
+    let mut places = vec![nothing; nodes.len()];
+    let mut leaf = leaves.len();
+    for (index, node) in nodes.iter().enumerate().rev() {
+        places[index] = match node.kind() {
+            NodeKind::Inner { right, .. } => Place {
+                content: places[index + 1].content.union(&places[right].content),
+                leaf: 0,
+            },
+            NodeKind::Leaf { .. } => {
+                leaf -= 1;
+                Place {
+                    content: leaves[leaf].content(),
+                    leaf: leaf as u32,
+                }
+            }
+        };
+    }
+    places
+}
+
+/// The nodes below `root` that become the children of its wide node: again and again, the one of
+/// the largest box gives way to its own children.
+fn children(nodes: &[Node], places: &[Place], root: u32) -> ([u32; LANES], usize) {
+    let mut children = [root; LANES];
+    // Box areas of those that can give way, 0 of others.
+    let mut areas = [0.0; LANES];
+    let mut count = 1;
+    let mut widest = 0;
+    loop {
+        let NodeKind::Inner { right, .. } = nodes[children[widest] as usize].kind() else {
+            unreachable!("leaves have no area here");
+        };
+        let left = children[widest] + 1;
+        count -= 1;
+        children[widest] = children[count];
+        areas[widest] = areas[count];
+        for child in [left, right as u32] {
+            let content = &places[child as usize].content;
+            if content.is_empty() {
+                continue;
+            }
+            children[count] = child;
+            areas[count] = match nodes[child as usize].kind() {
+                NodeKind::Inner { .. } => content.half_area().max(f32::MIN_POSITIVE),
+                NodeKind::Leaf { .. } => 0.0,
+            };
+            count += 1;
+        }
+        let largest = (0..count).max_by(|&a, &b| areas[a].total_cmp(&areas[b]));
+        match largest {
+            Some(lane) if areas[lane] > 0.0 && count < LANES => widest = lane,
+            _ => return (children, count),
+        }
+    }
+}

@@ -2,6 +2,8 @@
 
 mod descend;
 mod lanes;
+mod packet;
+mod rays;
 pub mod reference;
 mod triangle;
 
@@ -99,6 +101,13 @@ impl<H: HitSink> Kernel for Trace<'_, '_, H> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> TraversalCounts {
+        self.trace(simd)
+    }
+}
+
+impl<H: HitSink> Trace<'_, '_, H> {
+    #[inline(always)]
+    fn trace<S: Simd>(self, simd: S) -> TraversalCounts {
         let Self { tree, ray, sink } = self;
         let bounds = tree.bounds();
         let slabs = Slabs::new(ray, bounds.reach(ray.origin));

@@ -61,12 +61,12 @@ pub(super) fn descend<S: Simd>(
     let mut counts = TraversalCounts::default();
     let slabs = slabs.lanes(simd, t_min);
     let nodes = wide.nodes();
-    let mut stack = Stack::new();
+    let mut stack: Stack<()> = Stack::new();
     let mut index = wide.root();
     loop {
         let node = &nodes[index as usize];
         counts.nodes += 1;
-        let (near, mut met) = slabs.meet(simd, node, visitor.t_max());
+        let (near, mut met) = slabs.meet(simd, &node.bounds, visitor.t_max());
         if let Some(group) = node.group() {
             let blocks = wide.blocks(group);
             while met != 0 {
@@ -89,11 +89,11 @@ pub(super) fn descend<S: Simd>(
                 index = node.child(lane);
                 continue;
             }
-            index = stack.push_but_nearest(node, &near, lane, met);
+            (index, ()) = stack.push_but_nearest(node, &near, lane, met, |_| ());
             continue;
         }
         loop {
-            let Some((waiting, near)) = stack.pop() else {
+            let Some((waiting, near, ())) = stack.pop() else {
                 return counts;
             };
             if near <= visitor.t_max() {
@@ -104,21 +104,23 @@ pub(super) fn descend<S: Simd>(
     }
 }
 
-/// Nodes that wait, and where the ray meets them.
-struct Stack {
+/// Nodes that wait, where they are met, and a note on each.
+pub(super) struct Stack<N> {
     nodes: [u32; STACK],
     nears: [f32; STACK],
+    notes: [N; STACK],
     count: usize,
     /// What there was no room for.
-    more: Vec<(u32, f32)>,
+    more: Vec<(u32, f32, N)>,
 }
 
-impl Stack {
+impl<N: Copy + Default> Stack<N> {
     #[inline(always)]
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             nodes: [0; STACK],
             nears: [0.0; STACK],
+            notes: [N::default(); STACK],
             count: 0,
             more: Vec::new(),
         }
@@ -127,49 +129,54 @@ impl Stack {
     /// Lets the children in `lane` and in the lanes of `met` wait, nearest last, but for the
     /// nearest.
     #[inline(always)]
-    fn push_but_nearest(
+    pub(super) fn push_but_nearest(
         &mut self,
         node: &WideNode,
         near: &[f32; LANES],
         lane: usize,
         mut met: u32,
-    ) -> u32 {
-        let (mut nearest, mut distance) = (node.child(lane), near[lane]);
+        note: impl Fn(usize) -> N,
+    ) -> (u32, N) {
+        let (mut nearest, mut distance, mut first_note) =
+            (node.child(lane), near[lane], note(lane));
         let first = self.count;
         while met != 0 {
             let lane = met.trailing_zeros() as usize % LANES;
             met &= met - 1;
-            let (mut child, mut t) = (node.child(lane), near[lane]);
+            let (mut child, mut t, mut own) = (node.child(lane), near[lane], note(lane));
             if t < distance {
+                (own, first_note) = (first_note, own);
                 (child, nearest) = (nearest, child);
                 (t, distance) = (distance, t);
             }
             if self.count == STACK {
                 // Their order costs time at most.
-                self.more.push((child, t));
+                self.more.push((child, t, own));
                 continue;
             }
             let mut place = self.count;
             while place > first && self.nears[place - 1] < t {
                 self.nears[place] = self.nears[place - 1];
                 self.nodes[place] = self.nodes[place - 1];
+                self.notes[place] = self.notes[place - 1];
                 place -= 1;
             }
             self.nears[place] = t;
             self.nodes[place] = child;
+            self.notes[place] = own;
             self.count += 1;
         }
-        nearest
+        (nearest, first_note)
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> Option<(u32, f32)> {
+    pub(super) fn pop(&mut self) -> Option<(u32, f32, N)> {
         if !self.more.is_empty() {
             return self.more.pop();
         }
         self.count = self.count.checked_sub(1)?;
         let top = self.count % STACK;
-        Some((self.nodes[top], self.nears[top]))
+        Some((self.nodes[top], self.nears[top], self.notes[top]))
     }
 }
 
@@ -238,39 +245,122 @@ impl Slabs {
         };
         let row = |axis: usize| 2 * axis + usize::from(self.inverse[axis] < 0.0);
         SlabLanes {
-            inverse: splat(self.inverse),
             enter_from: splat(self.enter_from),
+            enter_scale: splat(self.inverse),
             leave_from: splat(self.leave_from),
+            leave_scale: splat(self.inverse),
             enter_rows: [row(0), row(1), row(2)],
+            also_enter: None,
             t_min: f32x8::splat(simd, t_min),
         }
     }
 }
 
-/// [`Slabs`] in every lane.
-struct SlabLanes<S: Simd> {
-    inverse: [f32x8<S>; 3],
+/// Where one ray, or a bundle of them, meets boxes: it enters one where
+/// it has passed all of three planes, and leaves it at the first of three others. In every lane
+/// the same.
+#[derive(Clone, Copy)]
+pub(super) struct SlabLanes<S: Simd> {
+    /// A plane at `x` is passed at `(x - from) · scale`.
     enter_from: [f32x8<S>; 3],
+    enter_scale: [f32x8<S>; 3],
     leave_from: [f32x8<S>; 3],
-    /// Which rows of a node's bounds the ray enters by.
+    leave_scale: [f32x8<S>; 3],
+    /// Which rows of bounds are entered by; the others are left by.
     enter_rows: [usize; 3],
+    /// For a bundle that is parallel to planes: the row of those on the other side, by which
+    /// boxes are entered, too.
+    also_enter: Option<(usize, f32x8<S>, f32x8<S>)>,
     t_min: f32x8<S>,
 }
 
 impl<S: Simd> SlabLanes<S> {
-    /// Where the ray meets each of a node's boxes, and the set of those that it may meet before
-    /// `t_max`.
+    /// Of a ray that goes nowhere.
     #[inline(always)]
-    fn meet(&self, simd: S, node: &WideNode, t_max: f32) -> ([f32; LANES], u32) {
-        let row = |row: usize| f32x8::simd_from(simd, node.bounds[row % 6]);
+    pub(super) fn nowhere(simd: S) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        Self {
+            enter_from: [zero; 3],
+            enter_scale: [zero; 3],
+            leave_from: [zero; 3],
+            leave_scale: [zero; 3],
+            enter_rows: [0, 2, 4],
+            also_enter: None,
+            t_min: zero,
+        }
+    }
+
+    /// Of all rays with origins and directions in these boxes, where the first may enter and the
+    /// last may leave, at distances from `t_min`, which is not below 0. `bounds` are the tree's.
+    #[inline(always)]
+    pub(super) fn of_intervals(
+        simd: S,
+        origins: &Aabb,
+        directions: &Aabb,
+        t_min: f32,
+        bounds: &Aabb,
+    ) -> Self {
+        let slack = SLACK * upper(bounds.reach(origins.min), bounds.reach(origins.max));
+        let splat = |x: f32| f32x8::splat(simd, x);
+        let fastest = |axis: usize| upper(directions.min[axis].abs(), directions.max[axis].abs());
+        let slowest = SLOWEST * upper(upper(fastest(0), fastest(1)), fastest(2));
+        let mut slabs = Self {
+            enter_from: [splat(0.0); 3],
+            enter_scale: [splat(0.0); 3],
+            leave_from: [splat(0.0); 3],
+            leave_scale: [splat(0.0); 3],
+            enter_rows: [0, 2, 4],
+            also_enter: None,
+            t_min: splat(t_min),
+        };
+        for axis in 0..3 {
+            // Whoever starts nearest to a plane and is fastest gets there first.
+            let (low, high) = (directions.min[axis], directions.max[axis]);
+            let below = (origins.min[axis] - slack).next_down();
+            let above = (origins.max[axis] + slack).next_up();
+            if low > 0.0 {
+                slabs.enter_from[axis] = splat(above);
+                slabs.enter_scale[axis] = splat(upper(high, slowest).recip());
+                slabs.leave_from[axis] = splat(below);
+                slabs.leave_scale[axis] = splat(upper(low, slowest).recip());
+            } else if high < 0.0 {
+                slabs.enter_rows[axis] = 2 * axis + 1;
+                slabs.enter_from[axis] = splat(below);
+                slabs.enter_scale[axis] = splat(-upper(-low, slowest).recip());
+                slabs.leave_from[axis] = splat(above);
+                slabs.leave_scale[axis] = splat(-upper(-high, slowest).recip());
+            } else {
+                slabs.enter_from[axis] = splat(above);
+                slabs.enter_scale[axis] = splat(upper(high, slowest).recip());
+                slabs.leave_from[axis] = splat(f32::NEG_INFINITY);
+                slabs.leave_scale[axis] = splat(1.0);
+                let scale = -upper(-low, slowest).recip();
+                slabs.also_enter = Some((2 * axis + 1, splat(below), splat(scale)));
+            }
+        }
+        slabs
+    }
+
+    /// Where boxes are entered, and the set of those that may be met before `t_max`.
+    #[inline(always)]
+    pub(super) fn meet(
+        &self,
+        simd: S,
+        bounds: &[[f32; LANES]; 6],
+        t_max: f32,
+    ) -> ([f32; LANES], u32) {
+        let row = |row: usize| f32x8::simd_from(simd, bounds[row % 6]);
         let [x, y, z] = self.enter_rows;
-        let enter_x = (row(x) - self.enter_from[0]) * self.inverse[0];
-        let enter_y = (row(y) - self.enter_from[1]) * self.inverse[1];
-        let enter_z = (row(z) - self.enter_from[2]) * self.inverse[2];
-        let leave_x = (row(x ^ 1) - self.leave_from[0]) * self.inverse[0];
-        let leave_y = (row(y ^ 1) - self.leave_from[1]) * self.inverse[1];
-        let leave_z = (row(z ^ 1) - self.leave_from[2]) * self.inverse[2];
-        let enter = enter_x.max(enter_y).max(enter_z.max(self.t_min));
+        let enter_x = (row(x) - self.enter_from[0]) * self.enter_scale[0];
+        let enter_y = (row(y) - self.enter_from[1]) * self.enter_scale[1];
+        let enter_z = (row(z) - self.enter_from[2]) * self.enter_scale[2];
+        let leave_x = (row(x ^ 1) - self.leave_from[0]) * self.leave_scale[0];
+        let leave_y = (row(y ^ 1) - self.leave_from[1]) * self.leave_scale[1];
+        let leave_z = (row(z ^ 1) - self.leave_from[2]) * self.leave_scale[2];
+        let mut enter = enter_x.max(enter_y).max(enter_z.max(self.t_min));
+        if let Some((other, from, scale)) = self.also_enter {
+            enter = enter.max((row(other) - from) * scale);
+        }
         let leave = leave_x
             .min(leave_y)
             .min(leave_z.min(f32x8::splat(simd, t_max)));

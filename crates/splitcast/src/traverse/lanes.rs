@@ -22,8 +22,8 @@
 //! more. Underflow adds less than `f32::MIN_POSITIVE · (1 + R + D)`. Where products might overflow,
 //! nothing is certain.
 
-use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
+use fearless_simd::{f32x8, f32x16};
 
 use crate::aabb::upper;
 use crate::wide::{Block, LANES};
@@ -58,6 +58,40 @@ impl<S: Simd> TriangleLanes<f32x8<S>> {
                 f32x8::simd_from(simd, rows[0]),
                 f32x8::simd_from(simd, rows[1]),
                 f32x8::simd_from(simd, rows[2]),
+            ]
+        };
+        Self {
+            corner: point(&block.corner),
+            edges: [point(&block.edges[0]), point(&block.edges[1])],
+        }
+    }
+}
+
+impl<S: Simd> TriangleLanes<f32x8<S>> {
+    /// Boxes around the triangles, in the rows of a node's bounds. Rounding makes them too small by
+    /// a part of a triangle's size at most.
+    #[inline(always)]
+    pub(super) fn boxes(&self) -> [[f32; LANES]; 6] {
+        let mut rows = [[0.0; LANES]; 6];
+        for axis in 0..3 {
+            let corner = self.corner[axis];
+            let (b, c) = (corner + self.edges[0][axis], corner + self.edges[1][axis]);
+            rows[2 * axis] = corner.min(b).min(c).into();
+            rows[2 * axis + 1] = corner.max(b).max(c).into();
+        }
+        rows
+    }
+}
+
+impl<S: Simd> TriangleLanes<f32x16<S>> {
+    /// One triangle of a block in all lanes.
+    #[inline(always)]
+    pub(super) fn of_lane(simd: S, block: &Block, lane: usize) -> Self {
+        let point = |rows: &[[f32; LANES]; 3]| {
+            [
+                f32x16::splat(simd, rows[0][lane % LANES]),
+                f32x16::splat(simd, rows[1][lane % LANES]),
+                f32x16::splat(simd, rows[2][lane % LANES]),
             ]
         };
         Self {
@@ -131,6 +165,31 @@ pub(super) struct ErrorLanes<V> {
     pub(super) weight: V,
     pub(super) determinant: V,
     pub(super) depth: V,
+}
+
+impl<S: Simd> ErrorLanes<f32x8<S>> {
+    /// The bounds of each kind, lane by lane.
+    #[inline(always)]
+    pub(super) fn rows(self) -> [[f32; LANES]; 3] {
+        [
+            self.weight.into(),
+            self.determinant.into(),
+            self.depth.into(),
+        ]
+    }
+}
+
+impl<S: Simd> ErrorLanes<f32x16<S>> {
+    /// Those of one triangle in all lanes.
+    #[inline(always)]
+    pub(super) fn of_row(simd: S, rows: &[[f32; LANES]; 3], lane: usize) -> Self {
+        let splat = |row: usize| f32x16::splat(simd, rows[row][lane % LANES]);
+        Self {
+            weight: splat(0),
+            determinant: splat(1),
+            depth: splat(2),
+        }
+    }
 }
 
 /// Where a ray's line passes a triangle, in each lane.

@@ -1,0 +1,545 @@
+//! Many rays that take much the same way: one descent for all of them.
+//!
+//! Rays are taken in groups of 16, which go down the tree as one, by an interval of origins and one of
+//! directions: boxes are met where any ray of the intervals may meet them (interval arithmetic;
+//! Boulos, Wald & Shirley 2006). Up to four groups share nodes, the order of children, and blocks.
+//! At a block, triangles are sorted out by their boxes in the same way; what is left is tested 16 rays at a
+//! time ([`lanes`](super::lanes)).
+//!
+//! Distances are known up to their rounding errors. Only where these leave open which
+//! of two hits is nearer, or whether there is one, the exact test decides at once; otherwise it
+//! completes the hits that remain. Hits are those of single rays, to the last bit.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x4, f32x16, mask32x16};
+
+use super::descend::{SlabLanes, Stack};
+use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
+use super::triangle::{Crossing, ShearedRay};
+use crate::aabb::{lower, upper};
+use crate::wide::{Block, LANES, WideTree};
+use crate::{Aabb, KdTree, Mesh, Ray};
+
+/// Rays of a group: one a lane.
+pub(super) const GROUP: usize = 16;
+
+/// Groups of a packet.
+const GROUPS: usize = 4;
+
+/// Rays of a packet.
+pub(super) const PACKET: usize = GROUP * GROUPS;
+
+/// Directions of a group differ by no more than this share of their length on any axis,
+const WIDEST_TURN: f32 = 0.4;
+
+/// and its origins by no more than this share of the tree's size: beyond, rays share too little of
+/// their way.
+const WIDEST_SPREAD: f32 = 0.04;
+
+/// No triangle.
+const NONE: u32 = u32::MAX;
+
+/// One number for each ray of a group.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Numbers([f32; GROUP]);
+
+impl Numbers {
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S) -> f32x16<S> {
+        f32x16::simd_from(simd, self.0)
+    }
+}
+
+/// A group of rays, lane by lane.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    origin: [Numbers; 3],
+    direction: [Numbers; 3],
+    t_min: Numbers,
+    /// The nearest hit's distance is from `low` to `high`; the ray's `t_max` while there is none.
+    /// Below all in lanes whose ray looks for nothing (any more).
+    low: Numbers,
+    high: Numbers,
+    /// What is hit.
+    triangle: [u32; GROUP],
+}
+
+/// The ranges of origins and directions of some rays.
+#[derive(Clone, Copy, Debug)]
+struct Intervals {
+    origins: Aabb,
+    directions: Aabb,
+    /// The lowest distance of interest.
+    t_min: f32,
+}
+
+/// What is asked about the rays of a packet.
+pub(super) trait Query {
+    /// Whether it is enough to know that there is a hit.
+    const ANY: bool;
+}
+
+/// The nearest hits.
+pub(super) struct ClosestHits;
+
+impl Query for ClosestHits {
+    const ANY: bool = false;
+}
+
+/// Whether there are hits.
+pub(super) struct AnyHits;
+
+impl Query for AnyHits {
+    const ANY: bool = true;
+}
+
+/// A packet under way.
+pub(super) struct Packet<'q, 'm> {
+    mesh: Mesh<'m>,
+    rays: &'q [Ray],
+    groups: [Group; GROUPS],
+}
+
+impl<'q, 'm> Packet<'q, 'm> {
+    /// A packet of up to [`PACKET`] rays.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(simd: S, mesh: Mesh<'m>, rays: &'q [Ray]) -> Self {
+        let mut groups = [Group::NOBODY; GROUPS];
+        for (group, rays) in groups.iter_mut().zip(rays.chunks(GROUP)) {
+            group.read(simd, rays);
+        }
+        Self { mesh, rays, groups }
+    }
+
+    /// Traces the groups whose rays are alike, and gives the set of those: bit by bit, the first
+    /// the lowest.
+    #[inline(always)]
+    pub(super) fn trace<S: Simd, Q: Query>(&mut self, simd: S, tree: &KdTree<'_>) -> u32 {
+        let bounds = tree.bounds();
+        let count = self.rays.len().div_ceil(GROUP);
+        let mut traced = 0;
+        let mut slabs = [SlabLanes::nowhere(simd); GROUPS];
+        let mut all = Intervals::NONE;
+        let mut meeting = 0;
+        for k in 0..count {
+            let intervals = self.groups[k].intervals(simd);
+            if intervals.is_none() {
+                traced |= 1 << k;
+            } else if intervals.are_narrow(&bounds) {
+                traced |= 1 << k;
+                meeting |= 1 << k;
+                all = all.union(&intervals);
+                slabs[k] = intervals.slabs(simd, &bounds);
+            }
+        }
+        if meeting != 0 {
+            let errors = all.errors(&bounds);
+            self.descend::<S, Q>(simd, tree.wide(), &slabs, &errors, meeting);
+        }
+        traced
+    }
+
+    /// What a ray hits. Of any hits, one, whose crossing means nothing.
+    #[inline(always)]
+    pub(super) fn hit<Q: Query>(&self, ray: usize) -> Option<(Crossing, u32)> {
+        let triangle = self.groups[ray / GROUP].triangle[ray % GROUP];
+        if triangle == NONE {
+            return None;
+        }
+        if Q::ANY {
+            return Some((Crossing::default(), triangle));
+        }
+        let crossing = exact(self.mesh, &self.rays[ray], triangle)?;
+        Some((crossing, triangle))
+    }
+
+    #[inline(always)]
+    fn descend<S: Simd, Q: Query>(
+        &mut self,
+        simd: S,
+        wide: &WideTree,
+        slabs: &[SlabLanes<S>; GROUPS],
+        errors: &ErrorScale,
+        mut groups: u32,
+    ) {
+        let nodes = wide.nodes();
+        let mut stack: Stack<u32> = Stack::new();
+        let mut t_max = [f32::NEG_INFINITY; GROUPS];
+        for k in 0..GROUPS {
+            t_max[k] = self.groups[k].t_max(simd);
+        }
+        let mut index = wide.root();
+        loop {
+            let node = &nodes[index as usize];
+            // Lane by lane the groups that meet its box, and where the first of them does.
+            let mut by = [0u8; LANES];
+            let mut near = [f32::INFINITY; LANES];
+            let mut met = 0;
+            let mut rest = groups;
+            while rest != 0 {
+                let k = rest.trailing_zeros() as usize % GROUPS;
+                rest &= rest - 1;
+                let (near_k, met_k) = slabs[k].meet(simd, &node.bounds, t_max[k]);
+                met |= met_k;
+                for lane in 0..LANES {
+                    by[lane] |= ((met_k >> lane & 1) << k) as u8;
+                    near[lane] = lower(near[lane], near_k[lane]);
+                }
+            }
+            if let Some(group) = node.group() {
+                let blocks = wide.blocks(group);
+                while met != 0 {
+                    let lane = met.trailing_zeros() as usize % LANES;
+                    met &= met - 1;
+                    for block in &blocks[node.blocks(lane)] {
+                        let by = u32::from(by[lane]);
+                        self.visit::<S, Q>(simd, block, slabs, errors, &mut t_max, by);
+                    }
+                }
+                if lower(lower(-t_max[0], -t_max[1]), lower(-t_max[2], -t_max[3])) == f32::INFINITY
+                {
+                    return;
+                }
+            } else if met != 0 {
+                let lane = met.trailing_zeros() as usize % LANES;
+                met &= met - 1;
+                if met == 0 {
+                    groups = u32::from(by[lane]);
+                    index = node.child(lane);
+                } else {
+                    (index, groups) =
+                        stack.push_but_nearest(node, &near, lane, met, |lane| u32::from(by[lane]));
+                }
+                continue;
+            }
+            loop {
+                let Some((waiting, near, by)) = stack.pop() else {
+                    return;
+                };
+                let mut still = 0;
+                for k in 0..GROUPS {
+                    still |= u32::from(near <= t_max[k]) << k;
+                }
+                if by & still != 0 {
+                    groups = by & still;
+                    index = waiting;
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Tests the rays of groups `by` against the triangles of a block.
+    #[inline(always)]
+    fn visit<S: Simd, Q: Query>(
+        &mut self,
+        simd: S,
+        block: &Block,
+        slabs: &[SlabLanes<S>; GROUPS],
+        errors: &ErrorScale,
+        t_max: &mut [f32; GROUPS],
+        mut by: u32,
+    ) {
+        let triangles = TriangleLanes::of_block(simd, block);
+        let boxes = triangles.boxes();
+        let errors = errors.of(simd, &triangles).rows();
+        while by != 0 {
+            let k = by.trailing_zeros() as usize % GROUPS;
+            by &= by - 1;
+            let mut candidates = slabs[k].meet(simd, &boxes, t_max[k]).1;
+            if candidates == 0 {
+                continue;
+            }
+            while candidates != 0 {
+                let lane = candidates.trailing_zeros() as usize % LANES;
+                candidates &= candidates - 1;
+                let errors = ErrorLanes::of_row(simd, &errors, lane);
+                self.test::<S, Q>(simd, k, block, lane, &errors);
+            }
+            t_max[k] = self.groups[k].t_max(simd);
+        }
+    }
+
+    /// Tests the rays of a group against one triangle of a block.
+    #[inline(always)]
+    fn test<S: Simd, Q: Query>(
+        &mut self,
+        simd: S,
+        group: usize,
+        block: &Block,
+        lane: usize,
+        errors: &ErrorLanes<f32x16<S>>,
+    ) {
+        let rays = &mut self.groups[group];
+        let triangle = block.triangles[lane];
+        let point = |[x, y, z]: &[Numbers; 3]| [x.lanes(simd), y.lanes(simd), z.lanes(simd)];
+        let lanes = RayLanes {
+            origin: point(&rays.origin),
+            direction: point(&rays.direction),
+        };
+        let corners = TriangleLanes::of_lane(simd, block, lane);
+        let passing = Passing::new(&lanes, &corners, errors);
+        if passing.missed.all_true() {
+            return;
+        }
+        let distance = passing.distance(simd, errors);
+        let (t_min, low, high) = (
+            rays.t_min.lanes(simd),
+            rays.low.lanes(simd),
+            rays.high.lanes(simd),
+        );
+        let active = high.simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
+        let possible = distance.possible(t_min, high) & !passing.missed & active;
+        let possible = possible.to_bitmask() as u32;
+        if possible == 0 {
+            return;
+        }
+        if Q::ANY {
+            let sure = distance.surely_within(t_min, high).to_bitmask() as u32;
+            let mut hit = possible & sure;
+            let mut open = possible & !sure;
+            while hit != 0 {
+                let lane = hit.trailing_zeros() as usize % GROUP;
+                hit &= hit - 1;
+                rays.found(lane, triangle, f32::NEG_INFINITY, f32::NEG_INFINITY);
+            }
+            while open != 0 {
+                let lane = open.trailing_zeros() as usize % GROUP;
+                open &= open - 1;
+                let ray = &self.rays[group * GROUP + lane];
+                if exact(self.mesh, ray, triangle).is_some() {
+                    rays.found(lane, triangle, f32::NEG_INFINITY, f32::NEG_INFINITY);
+                }
+            }
+            return;
+        }
+        let nearer = distance.surely_within(t_min, low).to_bitmask() as u32;
+        let mut hit = possible & nearer;
+        let mut open = possible & !nearer;
+        while hit != 0 {
+            let lane = hit.trailing_zeros() as usize % GROUP;
+            hit &= hit - 1;
+            rays.found(lane, triangle, distance.low[lane], distance.high[lane]);
+        }
+        while open != 0 {
+            let lane = open.trailing_zeros() as usize % GROUP;
+            open &= open - 1;
+            if rays.triangle[lane] == triangle {
+                continue;
+            }
+            let ray = &self.rays[group * GROUP + lane];
+            let Some(crossing) = exact(self.mesh, ray, triangle) else {
+                continue;
+            };
+            let last = rays.triangle[lane];
+            if last != NONE && rays.low.0[lane] < rays.high.0[lane] {
+                if let Some(last) = exact(self.mesh, ray, last) {
+                    rays.low.0[lane] = last.t;
+                    rays.high.0[lane] = last.t;
+                }
+            }
+            let best = rays.high.0[lane];
+            if crossing.t < best || crossing.t == best && triangle < last {
+                rays.found(lane, triangle, crossing.t, crossing.t);
+            }
+        }
+    }
+}
+
+impl Group {
+    const NOBODY: Self = Self {
+        origin: [Numbers([0.0; GROUP]); 3],
+        direction: [Numbers([0.0; GROUP]); 3],
+        t_min: Numbers([0.0; GROUP]),
+        low: Numbers([f32::NEG_INFINITY; GROUP]),
+        high: Numbers([f32::NEG_INFINITY; GROUP]),
+        triangle: [NONE; GROUP],
+    };
+
+    /// Puts rays into lanes. Those that cannot hit anything look for nothing.
+    #[inline(always)]
+    fn read<S: Simd>(&mut self, simd: S, rays: &[Ray]) {
+        let last = rays.len() - 1;
+        for first in (0..rays.len()).step_by(4) {
+            let four = [
+                &rays[first],
+                &rays[last.min(first + 1)],
+                &rays[last.min(first + 2)],
+                &rays[last.min(first + 3)],
+            ];
+            let mut rows = [[f32x4::splat(simd, 0.0); 4]; 2];
+            for k in 0..4 {
+                let [x, y, z] = four[k].origin;
+                let [u, v, w] = four[k].direction;
+                rows[0][k] = f32x4::simd_from(simd, [x, y, z, u]);
+                rows[1][k] = f32x4::simd_from(simd, [v, w, four[k].t_min, four[k].t_max]);
+            }
+            let [x, y, z, u] = transposed(rows[0]);
+            let [v, w, t_min, t_max] = transposed(rows[1]);
+            let lanes = first..first + 4;
+            x.store_slice(&mut self.origin[0].0[lanes.clone()]);
+            y.store_slice(&mut self.origin[1].0[lanes.clone()]);
+            z.store_slice(&mut self.origin[2].0[lanes.clone()]);
+            u.store_slice(&mut self.direction[0].0[lanes.clone()]);
+            v.store_slice(&mut self.direction[1].0[lanes.clone()]);
+            w.store_slice(&mut self.direction[2].0[lanes.clone()]);
+            t_min.store_slice(&mut self.t_min.0[lanes.clone()]);
+            t_max.store_slice(&mut self.high.0[lanes]);
+        }
+        // As in `ShearedRay`.
+        let (x, y, z) = (
+            self.direction[0].lanes(simd).abs(),
+            self.direction[1].lanes(simd).abs(),
+            self.direction[2].lanes(simd).abs(),
+        );
+        let largest = f32x16::splat(simd, f32::MAX);
+        let numbers = mask32x16::from_bitmask(simd, (1 << rays.len()) - 1);
+        let valid = x.max(y).max(z).simd_gt(0.0)
+            & x.simd_le(largest)
+            & y.simd_le(largest)
+            & z.simd_le(largest)
+            & self.origin[0].lanes(simd).abs().simd_le(largest)
+            & self.origin[1].lanes(simd).abs().simd_le(largest)
+            & self.origin[2].lanes(simd).abs().simd_le(largest)
+            & self.t_min.lanes(simd).simd_le(self.high.lanes(simd))
+            & numbers;
+        let none = f32x16::splat(simd, f32::NEG_INFINITY);
+        let t_max = valid.select(self.high.lanes(simd), none);
+        self.high = Numbers(t_max.into());
+        self.low = self.high;
+    }
+
+    /// The ranges of the rays that look for something.
+    #[inline(always)]
+    fn intervals<S: Simd>(&self, simd: S) -> Intervals {
+        let active = self
+            .high
+            .lanes(simd)
+            .simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
+        let mut intervals = Intervals::NONE;
+        for axis in 0..3 {
+            let (origin, direction) = (&self.origin[axis], &self.direction[axis]);
+            intervals.origins.min[axis] = lowest(simd, active, origin);
+            intervals.origins.max[axis] = highest(simd, active, origin);
+            intervals.directions.min[axis] = lowest(simd, active, direction);
+            intervals.directions.max[axis] = highest(simd, active, direction);
+        }
+        intervals.t_min = lowest(simd, active, &self.t_min);
+        intervals
+    }
+
+    /// The highest distance that is of interest to any of the rays.
+    #[inline(always)]
+    fn t_max<S: Simd>(&self, simd: S) -> f32 {
+        self.high.lanes(simd).reduce_max()
+    }
+
+    #[inline(always)]
+    fn found(&mut self, lane: usize, triangle: u32, low: f32, high: f32) {
+        self.triangle[lane] = triangle;
+        self.low.0[lane] = low;
+        self.high.0[lane] = high;
+    }
+}
+
+#[inline(always)]
+fn lowest<S: Simd>(simd: S, active: mask32x16<S>, numbers: &Numbers) -> f32 {
+    let others = f32x16::splat(simd, f32::INFINITY);
+    active.select(numbers.lanes(simd), others).reduce_min()
+}
+
+#[inline(always)]
+fn highest<S: Simd>(simd: S, active: mask32x16<S>, numbers: &Numbers) -> f32 {
+    let others = f32x16::splat(simd, f32::NEG_INFINITY);
+    active.select(numbers.lanes(simd), others).reduce_max()
+}
+
+/// Columns instead of rows.
+#[inline(always)]
+fn transposed<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
+    let (ac, bd) = (a.zip_low(c), b.zip_low(d));
+    let (ac_high, bd_high) = (a.zip_high(c), b.zip_high(d));
+    [
+        ac.zip_low(bd),
+        ac.zip_high(bd),
+        ac_high.zip_low(bd_high),
+        ac_high.zip_high(bd_high),
+    ]
+}
+
+impl Intervals {
+    /// The ranges of no rays.
+    const NONE: Self = Self {
+        origins: Aabb::EMPTY,
+        directions: Aabb::EMPTY,
+        t_min: f32::INFINITY,
+    };
+
+    #[inline(always)]
+    fn is_none(&self) -> bool {
+        self.origins.min[0] > self.origins.max[0]
+    }
+
+    /// Whether rays are alike enough to share a descent through a tree of such bounds.
+    #[inline(always)]
+    fn are_narrow(&self, bounds: &Aabb) -> bool {
+        let mut length = 0.0;
+        let mut size = 0.0;
+        let (mut turn, mut spread) = (0.0, 0.0);
+        let mut parallel = 0;
+        for axis in 0..3 {
+            let (low, high) = (self.directions.min[axis], self.directions.max[axis]);
+            length = upper(length, upper(-low, high));
+            turn = upper(turn, high - low);
+            parallel += u32::from(low <= 0.0 && high >= 0.0);
+            let (first, last) = (self.origins.min[axis], self.origins.max[axis]);
+            spread = upper(spread, last - first);
+            size = upper(size, bounds.max[axis] - bounds.min[axis]);
+        }
+        self.t_min >= 0.0
+            && parallel < 2
+            && turn <= WIDEST_TURN * length
+            && spread <= WIDEST_SPREAD * size
+    }
+
+    #[inline(always)]
+    fn union(&self, other: &Self) -> Self {
+        let mut all = *self;
+        for axis in 0..3 {
+            let (origins, directions) = (&other.origins, &other.directions);
+            all.origins.min[axis] = lower(all.origins.min[axis], origins.min[axis]);
+            all.origins.max[axis] = upper(all.origins.max[axis], origins.max[axis]);
+            all.directions.min[axis] = lower(all.directions.min[axis], directions.min[axis]);
+            all.directions.max[axis] = upper(all.directions.max[axis], directions.max[axis]);
+        }
+        all.t_min = lower(all.t_min, other.t_min);
+        all
+    }
+
+    #[inline(always)]
+    fn slabs<S: Simd>(&self, simd: S, bounds: &Aabb) -> SlabLanes<S> {
+        SlabLanes::of_intervals(simd, &self.origins, &self.directions, self.t_min, bounds)
+    }
+
+    /// What bounds the errors for all of the rays.
+    #[inline(always)]
+    fn errors(&self, bounds: &Aabb) -> ErrorScale {
+        let near = bounds.farthest(self.origins.min);
+        let far = bounds.farthest(self.origins.max);
+        let mut length = [0.0; 3];
+        let mut reach = [0.0; 3];
+        for axis in 0..3 {
+            length[axis] = upper(-self.directions.min[axis], self.directions.max[axis]);
+            reach[axis] = upper(near[axis], far[axis]);
+        }
+        ErrorScale::new(length_bound(length), length_bound(reach))
+    }
+}
+
+/// The ray's hit of the triangle within its range.
+#[inline(always)]
+fn exact(mesh: Mesh<'_>, ray: &Ray, triangle: u32) -> Option<Crossing> {
+    let crossing = ShearedRay::new(ray)?.intersect(&mesh.corners(triangle))?;
+    (crossing.t >= ray.t_min && crossing.t <= ray.t_max).then_some(crossing)
+}

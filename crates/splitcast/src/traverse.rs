@@ -1,5 +1,6 @@
 //! Rays through the tree: each query is a sink for hits, fed by one descent.
 
+mod completion;
 mod descend;
 mod lanes;
 mod packet;

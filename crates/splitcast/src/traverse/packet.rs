@@ -16,9 +16,10 @@ use fearless_simd::{f32x4, f32x16, mask32x16};
 use super::descend::{SlabLanes, Stack};
 use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
 use super::triangle::{Crossing, ShearedRay};
+use super::{complete, completion};
 use crate::aabb::{lower, upper};
 use crate::wide::{Block, LANES, WideTree};
-use crate::{Aabb, KdTree, Mesh, Ray};
+use crate::{Aabb, Hit, KdTree, Mesh, Ray};
 
 /// Rays of a group: one a lane.
 pub(super) const GROUP: usize = 16;
@@ -35,6 +36,9 @@ const WIDEST_TURN: f32 = 0.4;
 /// and its origins by no more than this share of the tree's size: beyond, rays share too little of
 /// their way.
 const WIDEST_SPREAD: f32 = 0.04;
+
+/// Hits that are faster completed one by one than in lanes.
+const FEW: u32 = 3;
 
 /// No triangle.
 const NONE: u32 = u32::MAX;
@@ -140,18 +144,43 @@ impl<'q, 'm> Packet<'q, 'm> {
         traced
     }
 
-    /// What a ray hits. Of any hits, one, whose crossing means nothing.
+    /// Whether a ray hits anything.
     #[inline(always)]
-    pub(super) fn hit<Q: Query>(&self, ray: usize) -> Option<(Crossing, u32)> {
-        let triangle = self.groups[ray / GROUP].triangle[ray % GROUP];
-        if triangle == NONE {
-            return None;
+    pub(super) fn is_hit(&self, ray: usize) -> bool {
+        self.groups[ray / GROUP].triangle[ray % GROUP] != NONE
+    }
+
+    /// Puts down what the rays of a group hit.
+    #[inline(always)]
+    pub(super) fn complete<S: Simd>(&self, simd: S, group: usize, hits: &mut [Option<Hit>]) {
+        let rays = &self.groups[group];
+        hits.fill(None);
+        let mut hit = 0;
+        for lane in 0..GROUP {
+            hit |= u32::from(rays.triangle[lane] != NONE) << lane;
         }
-        if Q::ANY {
-            return Some((Crossing::default(), triangle));
+        if hit == 0 {
+            return;
         }
-        let crossing = exact(self.mesh, &self.rays[ray], triangle)?;
-        Some((crossing, triangle))
+        let mut open = hit;
+        if let Some(axes) = rays.axes(simd, hit)
+            && hit.count_ones() >= FEW
+        {
+            let point = |[x, y, z]: &[Numbers; 3]| [x.lanes(simd), y.lanes(simd), z.lanes(simd)];
+            let lines = (point(&rays.origin), point(&rays.direction));
+            let triangles = &rays.triangle;
+            open =
+                completion::complete(simd, self.mesh, axes, lines, triangles, hit, |lane, hit| {
+                    hits[lane] = Some(hit);
+                });
+        }
+        while open != 0 {
+            let lane = open.trailing_zeros() as usize % GROUP;
+            open &= open - 1;
+            let triangle = rays.triangle[lane];
+            let crossing = exact(self.mesh, &self.rays[group * GROUP + lane], triangle);
+            hits[lane] = crossing.map(|crossing| complete(self.mesh, crossing, triangle));
+        }
     }
 
     #[inline(always)]
@@ -427,6 +456,25 @@ impl Group {
         }
         intervals.t_min = lowest(simd, active, &self.t_min);
         intervals
+    }
+
+    /// The axes of the frame that all of some rays share ([`ShearedRay`]).
+    #[inline(always)]
+    fn axes<S: Simd>(&self, simd: S, rays: u32) -> Option<[usize; 3]> {
+        let (x, y, z) = (
+            self.direction[0].lanes(simd).abs(),
+            self.direction[1].lanes(simd).abs(),
+            self.direction[2].lanes(simd).abs(),
+        );
+        let first = (x.simd_ge(y) & x.simd_ge(z)).to_bitmask() as u32;
+        let second = y.simd_ge(z).to_bitmask() as u32 & !first;
+        [
+            (first, [1, 2, 0]),
+            (second, [2, 0, 1]),
+            (!first & !second, [0, 1, 2]),
+        ]
+        .into_iter()
+        .find_map(|(set, axes)| (set & rays == rays).then_some(axes))
     }
 
     /// The highest distance that is of interest to any of the rays.

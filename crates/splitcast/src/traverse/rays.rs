@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use rayon::prelude::*;
 
 use super::packet::{AnyHits, ClosestHits, GROUP, PACKET, Packet};
-use super::{Any, Closest, Trace, complete};
+use super::{Any, Closest, Trace};
 use crate::simd::{Kernel, dispatch};
 use crate::{Hit, KdTree, Ray};
 
@@ -73,16 +73,18 @@ impl Kernel for ClosestOfAll<'_, '_> {
         for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
             let mut packet = Packet::new(simd, mesh, rays);
             let traced = packet.trace::<S, ClosestHits>(simd, tree);
-            for (index, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-                *hit = if traced >> (index / GROUP) & 1 != 0 {
-                    (packet.hit::<ClosestHits>(index))
-                        .map(|(crossing, triangle)| complete(mesh, crossing, triangle))
-                } else {
+            let groups = rays.chunks(GROUP).zip(hits.chunks_mut(GROUP));
+            for (index, (rays, hits)) in groups.enumerate() {
+                if traced >> index & 1 != 0 {
+                    packet.complete(simd, index, hits);
+                    continue;
+                }
+                for (ray, hit) in rays.iter().zip(hits) {
                     let mut closest = Closest::new(ray);
                     let sink = &mut closest;
                     Trace { tree, ray, sink }.trace(simd);
-                    closest.into_hit(mesh)
-                };
+                    *hit = closest.into_hit(mesh);
+                }
             }
         }
     }
@@ -110,7 +112,7 @@ impl Kernel for AnyOfAll<'_, '_> {
             let traced = packet.trace::<S, AnyHits>(simd, tree);
             for (index, (ray, occluded)) in rays.iter().zip(occluded).enumerate() {
                 *occluded = if traced >> (index / GROUP) & 1 != 0 {
-                    packet.hit::<AnyHits>(index).is_some()
+                    packet.is_hit(index)
                 } else {
                     let mut any = Any::new(ray);
                     let sink = &mut any;

@@ -16,6 +16,11 @@
 //! rounding. Nearly everything that a ray is tested against never gets here:
 //! see the [test in lanes](super::lanes).
 
+use std::ops::{Add, Div, Mul, Sub};
+
+use fearless_simd::f64x8;
+use fearless_simd::prelude::*;
+
 use crate::{Mesh, Ray};
 
 /// A ray with the shear that turns it into its last axis.
@@ -62,52 +67,183 @@ impl<'r> ShearedRay<'r> {
     /// triangle without area is never met.
     #[inline(always)]
     pub(super) fn intersect(&self, corners: &[[f32; 3]; 3]) -> Option<Crossing> {
-        let [x, y, z] = self.axes;
-        let [dx, dy, dz] = [x, y, z].map(|axis| f64::from(self.ray.direction[axis]));
-        let shear = [dx / dz, dy / dz];
-        let origin = [x, y, z].map(|axis| f64::from(self.ray.origin[axis]));
-        let mut sheared = [[0.0; 3]; 3];
-        for k in 0..3 {
-            let depth = f64::from(corners[k][z]) - origin[2];
-            sheared[k] = [
-                (f64::from(corners[k][x]) - origin[0]) - shear[0] * depth,
-                (f64::from(corners[k][y]) - origin[1]) - shear[1] * depth,
-                depth,
-            ];
-        }
-        let [a, b, c] = sheared;
-        let mut edges = [difference(c, b), difference(a, c), difference(b, a)];
-        // Beside products of this size, a plain difference is off by 2⁻⁵² at most: what is larger
-        // by 2³² has the right sign, and gives distance and weights to the last rounding.
-        let width = |k: usize| a[k].abs().max(b[k].abs()).max(c[k].abs());
-        let doubtful = width(0) * width(1) * (1.0 / (1 << 20) as f64);
-        if !edges.iter().all(|edge| edge.abs() > doubtful) {
-            edges = [edge(c, b), edge(a, c), edge(b, a)];
+        let ray = self.ray;
+        let triangle = TriangleInFrame::new(
+            self.axes,
+            &widened(ray.origin),
+            &widened(ray.direction),
+            &corners.map(widened),
+        );
+        let mut edges = triangle.edges();
+        let doubtful = triangle.doubtful_below();
+        if !(edges[0].abs() > doubtful && edges[1].abs() > doubtful && edges[2].abs() > doubtful) {
+            edges = triangle.exact_edges();
         }
         let [u, v, w] = edges;
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
-        let determinant = u + v + w;
-        let t = ((u * a[2] + v * b[2] + w * c[2]) / (determinant * dz)) as f32;
+        let [t, u, v] = triangle.crossing(edges);
         // Not finite either if the determinant is zero or anything overflowed.
-        if !t.is_finite() || area_normal(corners) == [0.0; 3] {
+        let t = t as f32;
+        if !t.is_finite() || area_normal(&corners.map(widened)) == [0.0; 3] {
             return None;
         }
+        Some(Crossing::new(t, u as f32, v as f32))
+    }
+}
+
+impl Crossing {
+    /// A crossing from numbers that may be -0 and weights whose sum may be 1 and a rounding.
+    #[inline(always)]
+    pub(super) fn new(t: f32, u: f32, v: f32) -> Self {
         // Adding 0 makes -0 positive.
-        let u = (v / determinant) as f32 + 0.0;
-        Some(Crossing {
+        let u = u + 0.0;
+        Self {
             t: t + 0.0,
             u,
-            v: ((w / determinant) as f32 + 0.0).min(1.0 - u),
-        })
+            v: (v + 0.0).min(1.0 - u),
+        }
     }
+}
+
+/// Double-precision numbers: one, or one a lane. All operations round as IEEE 754 says, so
+/// that lanes give what one number gives.
+pub(super) trait Real:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Mul<f64, Output = Self>
+    + Div<Output = Self>
+{
+    /// The absolute value.
+    fn size(self) -> Self;
+
+    /// The larger of two numbers that are not NaN.
+    fn or_larger(self, other: Self) -> Self;
+
+    /// The square root.
+    fn root(self) -> Self;
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn size(self) -> Self {
+        self.abs()
+    }
+
+    #[inline(always)]
+    fn or_larger(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        self.sqrt()
+    }
+}
+
+impl<S: Simd> Real for f64x8<S> {
+    #[inline(always)]
+    fn size(self) -> Self {
+        self.abs()
+    }
+
+    #[inline(always)]
+    fn or_larger(self, other: Self) -> Self {
+        self.max(other)
+    }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        self.sqrt()
+    }
+}
+
+/// A triangle in a ray's frame.
+pub(super) struct TriangleInFrame<F> {
+    corners: [[F; 3]; 3],
+    /// The direction along the last axis.
+    speed: F,
+}
+
+impl<F: Real> TriangleInFrame<F> {
+    /// Corners of a triangle, and a ray's origin and direction, whose largest component is on
+    /// the last of `axes`.
+    #[inline(always)]
+    pub(super) fn new(
+        [x, y, z]: [usize; 3],
+        origin: &[F; 3],
+        direction: &[F; 3],
+        corners: &[[F; 3]; 3],
+    ) -> Self {
+        let speed = direction[z];
+        let (shear_x, shear_y) = (direction[x] / speed, direction[y] / speed);
+        let mut sheared = *corners;
+        for k in 0..3 {
+            let depth = corners[k][z] - origin[z];
+            sheared[k] = [
+                (corners[k][x] - origin[x]) - shear_x * depth,
+                (corners[k][y] - origin[y]) - shear_y * depth,
+                depth,
+            ];
+        }
+        Self {
+            corners: sheared,
+            speed,
+        }
+    }
+
+    /// The edge functions.
+    #[inline(always)]
+    pub(super) fn edges(&self) -> [F; 3] {
+        let [a, b, c] = &self.corners;
+        [difference(c, b), difference(a, c), difference(b, a)]
+    }
+
+    /// Edge functions as small as this may have the wrong sign. Beside the products that they are
+    /// differences of, they are off by 2⁻⁵² at most; what is larger than 2⁻²⁰ of those
+    /// gives distance and weights to the last rounding, too.
+    #[inline(always)]
+    pub(super) fn doubtful_below(&self) -> F {
+        let [a, b, c] = &self.corners;
+        let x = a[0].size().or_larger(b[0].size()).or_larger(c[0].size());
+        let y = a[1].size().or_larger(b[1].size()).or_larger(c[1].size());
+        x * y * (1.0 / (1 << 20) as f64)
+    }
+
+    /// Distance, and weights of the second and the third corner, from edge functions.
+    #[inline(always)]
+    pub(super) fn crossing(&self, [u, v, w]: [F; 3]) -> [F; 3] {
+        let [a, b, c] = &self.corners;
+        let determinant = u + v + w;
+        [
+            (u * a[2] + v * b[2] + w * c[2]) / (determinant * self.speed),
+            v / determinant,
+            w / determinant,
+        ]
+    }
+}
+
+impl TriangleInFrame<f64> {
+    /// The edge functions with the right signs.
+    #[inline(always)]
+    fn exact_edges(&self) -> [f64; 3] {
+        let [a, b, c] = self.corners;
+        [edge(c, b), edge(a, c), edge(b, a)]
+    }
+}
+
+#[inline(always)]
+fn widened([x, y, z]: [f32; 3]) -> [f64; 3] {
+    [f64::from(x), f64::from(y), f64::from(z)]
 }
 
 /// The edge function `p[0] · q[1] - p[1] · q[0]`, antisymmetric to the last bit, with an error of
 /// 2⁻⁵² of the products.
 #[inline(always)]
-fn difference(p: [f64; 3], q: [f64; 3]) -> f64 {
+fn difference<F: Real>(p: &[F; 3], q: &[F; 3]) -> F {
     p[0] * q[1] - p[1] * q[0]
 }
 
@@ -136,24 +272,30 @@ fn two_product(a: f64, b: f64) -> (f64, f64) {
 
 /// The unit normal of triangle `index` by the right-hand rule of its corners;
 /// zero for one without area.
+#[inline(always)]
 pub(super) fn unit_normal(mesh: Mesh<'_>, index: u32) -> [f32; 3] {
-    let normal = area_normal(&mesh.corners(index));
-    let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if length > 0.0 {
-        normal.map(|x| (x / length) as f32)
-    } else {
-        [0.0; 3]
+    let normal = area_normal(&mesh.corners(index).map(widened));
+    if normal == [0.0; 3] {
+        return [0.0; 3];
     }
+    let [x, y, z] = unit(normal);
+    [x as f32, y as f32, z as f32]
+}
+
+/// A vector divided by its length.
+#[inline(always)]
+pub(super) fn unit<F: Real>([x, y, z]: [F; 3]) -> [F; 3] {
+    let length = (x * x + y * y + z * z).root();
+    [x / length, y / length, z / length]
 }
 
 /// The cross product of two edges. Zero for corners on one line: differences
 /// of single-precision numbers, and products of those, are exact in double
 /// precision unless their magnitudes are far apart.
 #[inline(always)]
-fn area_normal(corners: &[[f32; 3]; 3]) -> [f64; 3] {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
-    let p: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
-    let q: [f64; 3] = std::array::from_fn(|k| c[k] - a[k]);
+pub(super) fn area_normal<F: Real>([a, b, c]: &[[F; 3]; 3]) -> [F; 3] {
+    let p = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+    let q = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
     [
         p[1] * q[2] - p[2] * q[1],
         p[2] * q[0] - p[0] * q[2],
@@ -186,7 +328,7 @@ mod tests {
 
     #[test]
     fn a_triangle_without_area_has_no_normal() {
-        let corners = [[0.1, 0.7, -3.0], [0.3, 2.1, -9.0], [0.2, 1.4, -6.0f32]];
+        let corners = [[0.1, 0.7, -3.0], [0.3, 2.1, -9.0], [0.2, 1.4, -6.0f32]].map(widened);
         let [a, b, _] = corners;
         assert_eq!(area_normal(&[a, b, b]), [0.0; 3]);
         assert_eq!(area_normal(&[a, a, a]), [0.0; 3]);

@@ -1,0 +1,122 @@
+//! Hits that are sure, completed for a group of rays at once: the numbers of the
+//! [exact test](super::triangle), lane by lane.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, f64x8};
+
+use super::packet::GROUP;
+use super::triangle::{Crossing, TriangleInFrame, area_normal, unit};
+use crate::{Hit, Mesh};
+
+/// A point or a vector for each ray of a group.
+type Points<S> = [f32x16<S>; 3];
+
+/// The same in double precision, half of a group.
+type WidePoints<S> = [f64x8<S>; 3];
+
+/// What the lanes of `hit` hit: the triangles of the mesh whose numbers are given. The directions of
+/// these lanes have their largest component on the last of `axes`. Gives the hits, and the set of
+/// those that have to be found one by one.
+#[inline(always)]
+pub(super) fn complete<S: Simd>(
+    simd: S,
+    mesh: Mesh<'_>,
+    axes: [usize; 3],
+    (origin, direction): (Points<S>, Points<S>),
+    triangles: &[u32; GROUP],
+    hit: u32,
+    mut take: impl FnMut(usize, Hit),
+) -> u32 {
+    let mut corners = [[[0.0; GROUP]; 3]; 3];
+    let mut rest = hit;
+    while rest != 0 {
+        let lane = rest.trailing_zeros() as usize % GROUP;
+        rest &= rest - 1;
+        let own = mesh.corners(triangles[lane]);
+        for corner in 0..3 {
+            for axis in 0..3 {
+                corners[corner][axis][lane] = own[corner][axis];
+            }
+        }
+    }
+    let points = |rows: &[[f32; GROUP]; 3]| {
+        [
+            f32x16::simd_from(simd, rows[0]),
+            f32x16::simd_from(simd, rows[1]),
+            f32x16::simd_from(simd, rows[2]),
+        ]
+    };
+    let (origin, direction) = (widened(&origin), widened(&direction));
+    let (a, b, c) = (
+        widened(&points(&corners[0])),
+        widened(&points(&corners[1])),
+        widened(&points(&corners[2])),
+    );
+    let low = Solution::new(axes, &origin.0, &direction.0, &[a.0, b.0, c.0]);
+    let high = Solution::new(axes, &origin.1, &direction.1, &[a.1, b.1, c.1]);
+    let rows = [
+        narrowed(low.crossing[0], high.crossing[0]),
+        narrowed(low.crossing[1], high.crossing[1]),
+        narrowed(low.crossing[2], high.crossing[2]),
+        narrowed(low.normal[0], high.normal[0]),
+        narrowed(low.normal[1], high.normal[1]),
+        narrowed(low.normal[2], high.normal[2]),
+    ];
+    let open = hit & (low.doubtful | high.doubtful << 8);
+    let mut rest = hit & !open;
+    while rest != 0 {
+        let lane = rest.trailing_zeros() as usize % GROUP;
+        rest &= rest - 1;
+        let Crossing { t, u, v } = Crossing::new(rows[0][lane], rows[1][lane], rows[2][lane]);
+        take(
+            lane,
+            Hit {
+                t,
+                u,
+                v,
+                triangle: triangles[lane],
+                normal: [rows[3][lane], rows[4][lane], rows[5][lane]],
+            },
+        );
+    }
+    open
+}
+
+/// Crossings of eight rays and triangles.
+struct Solution<S: Simd> {
+    crossing: WidePoints<S>,
+    normal: WidePoints<S>,
+    /// Those in which a sign is not certain.
+    doubtful: u32,
+}
+
+impl<S: Simd> Solution<S> {
+    #[inline(always)]
+    fn new(
+        axes: [usize; 3],
+        origin: &WidePoints<S>,
+        direction: &WidePoints<S>,
+        corners: &[WidePoints<S>; 3],
+    ) -> Self {
+        let triangle = TriangleInFrame::new(axes, origin, direction, corners);
+        let [u, v, w] = triangle.edges();
+        let bound = triangle.doubtful_below();
+        let certain = u.abs().simd_gt(bound) & v.abs().simd_gt(bound) & w.abs().simd_gt(bound);
+        Self {
+            crossing: triangle.crossing([u, v, w]),
+            normal: unit(area_normal(corners)),
+            doubtful: (!certain).to_bitmask() as u32,
+        }
+    }
+}
+
+#[inline(always)]
+fn widened<S: Simd>([x, y, z]: &Points<S>) -> (WidePoints<S>, WidePoints<S>) {
+    let (x, y, z) = (x.widen(), y.widen(), z.widen());
+    ([x.0, y.0, z.0], [x.1, y.1, z.1])
+}
+
+#[inline(always)]
+fn narrowed<S: Simd>(low: f64x8<S>, high: f64x8<S>) -> [f32; GROUP] {
+    low.narrow(high).into()
+}

@@ -7,6 +7,7 @@
 /// a NaN bound, or `t_min > t_max` hits nothing. Triangles without area are
 /// never hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct Ray {
     /// Start of the ray.
     pub origin: [f32; 3],

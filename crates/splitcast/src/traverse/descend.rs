@@ -20,13 +20,13 @@ use crate::{Aabb, Ray};
 /// from the ray's origin to the farthest point of the tree. In units of 2⁻²⁴
 /// of the reach, a hit's `t` is off by 1 at most, the distance to a plane by 5 and
 /// [`SLOWEST`] adds less than 1; this is 16.
-const SLACK: f32 = 1.0 / (1 << 20) as f32;
+pub(super) const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 /// Components of the direction count as no smaller than this share of the
 /// largest. Keeps distances to planes finite for rays parallel to an axis, and
 /// moves no point of the ray inside the tree by more than a fraction of the
 /// slack.
-const SLOWEST: f32 = 1.0 / (1 << 30) as f32;
+pub(super) const SLOWEST: f32 = 1.0 / (1 << 30) as f32;
 
 /// Nodes that wait on the stack itself; more are rare.
 const STACK: usize = 64;

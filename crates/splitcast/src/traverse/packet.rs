@@ -11,9 +11,9 @@
 //! completes the hits that remain. Hits are those of single rays, to the last bit.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x16, mask32x16};
+use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
 
-use super::descend::{SlabLanes, Stack};
+use super::descend::{SLACK, SLOWEST, SlabLanes, Stack};
 use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
 use super::triangle::{Crossing, ShearedRay};
 use super::{complete, completion};
@@ -39,6 +39,10 @@ const WIDEST_SPREAD: f32 = 0.04;
 
 /// Hits that are faster completed one by one than in lanes.
 const FEW: u32 = 3;
+
+/// Rays that are faster tested one by one against the triangles of a block than together against one
+/// after the other.
+const SINGLY: u32 = 4;
 
 /// No triangle.
 const NONE: u32 = u32::MAX;
@@ -67,6 +71,8 @@ struct Group {
     high: Numbers,
     /// What is hit.
     triangle: [u32; GROUP],
+    /// One over the direction, finite ([`Slabs`](super::descend::Slabs)).
+    inverse: [Numbers; 3],
 }
 
 /// The ranges of origins and directions of some rays.
@@ -103,42 +109,69 @@ pub(super) struct Packet<'q, 'm> {
     mesh: Mesh<'m>,
     rays: &'q [Ray],
     groups: [Group; GROUPS],
+    /// By how much boxes are widened for these rays.
+    slack: f32,
 }
 
 impl<'q, 'm> Packet<'q, 'm> {
-    /// A packet of up to [`PACKET`] rays.
-    #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, mesh: Mesh<'m>, rays: &'q [Ray]) -> Self {
-        let mut groups = [Group::NOBODY; GROUPS];
-        for (group, rays) in groups.iter_mut().zip(rays.chunks(GROUP)) {
-            group.read(simd, rays);
+    /// A packet without rays.
+    pub(super) fn new(mesh: Mesh<'m>) -> Self {
+        Self {
+            mesh,
+            rays: &[],
+            groups: [Group::NOBODY; GROUPS],
+            slack: 0.0,
         }
-        Self { mesh, rays, groups }
     }
 
-    /// Traces the groups whose rays are alike, and gives the set of those: bit by bit, the first
-    /// the lowest.
+    /// Traces those of up to [`PACKET`] rays that are alike, group by group, and gives the set of
+    /// their groups: bit by bit, the first the lowest.
     #[inline(always)]
-    pub(super) fn trace<S: Simd, Q: Query>(&mut self, simd: S, tree: &KdTree<'_>) -> u32 {
+    pub(super) fn trace<S: Simd, Q: Query>(
+        &mut self,
+        simd: S,
+        tree: &KdTree<'_>,
+        rays: &'q [Ray],
+    ) -> u32 {
         let bounds = tree.bounds();
-        let count = self.rays.len().div_ceil(GROUP);
+        let count = rays.len().div_ceil(GROUP);
+        self.rays = rays;
+        for (group, rays) in self.groups.iter_mut().zip(rays.chunks(GROUP)) {
+            group.read(simd, rays);
+        }
+        for group in &mut self.groups[count..] {
+            *group = Group::NOBODY;
+        }
+        let all = Intervals::of(simd, &self.groups[..count]);
+        let everything = (1 << count) - 1;
+        if all.is_none() {
+            return everything;
+        }
+        // Most packets that miss the mesh are seen to as a whole.
+        if all.are_narrow(&bounds) {
+            let slabs = all.slabs(simd, &bounds);
+            let root = &tree.wide().nodes()[tree.wide().root() as usize];
+            if slabs.meet(simd, &root.bounds, f32::INFINITY).1 == 0 {
+                return everything;
+            }
+        }
         let mut traced = 0;
         let mut slabs = [SlabLanes::nowhere(simd); GROUPS];
-        let mut all = Intervals::NONE;
         let mut meeting = 0;
         for k in 0..count {
-            let intervals = self.groups[k].intervals(simd);
+            let intervals = Intervals::of(simd, &self.groups[k..k + 1]);
             if intervals.is_none() {
                 traced |= 1 << k;
             } else if intervals.are_narrow(&bounds) {
                 traced |= 1 << k;
                 meeting |= 1 << k;
-                all = all.union(&intervals);
                 slabs[k] = intervals.slabs(simd, &bounds);
+                self.groups[k].find_inverses(simd);
             }
         }
         if meeting != 0 {
             let errors = all.errors(&bounds);
+            self.slack = all.slack(&bounds);
             self.descend::<S, Q>(simd, tree.wide(), &slabs, &errors, meeting);
         }
         traced
@@ -155,19 +188,16 @@ impl<'q, 'm> Packet<'q, 'm> {
     pub(super) fn complete<S: Simd>(&self, simd: S, group: usize, hits: &mut [Option<Hit>]) {
         let rays = &self.groups[group];
         hits.fill(None);
-        let mut hit = 0;
-        for lane in 0..GROUP {
-            hit |= u32::from(rays.triangle[lane] != NONE) << lane;
-        }
-        if hit == 0 {
+        let triangles = u32x16::simd_from(simd, rays.triangle);
+        let mut open = triangles.simd_ne(NONE).to_bitmask() as u32;
+        if open == 0 {
             return;
         }
-        let mut open = hit;
-        if let Some(axes) = rays.axes(simd, hit)
-            && hit.count_ones() >= FEW
+        let hit = open;
+        if hit.count_ones() >= FEW
+            && let Some(axes) = rays.axes(simd, hit)
         {
-            let point = |[x, y, z]: &[Numbers; 3]| [x.lanes(simd), y.lanes(simd), z.lanes(simd)];
-            let lines = (point(&rays.origin), point(&rays.direction));
+            let lines = (points(simd, &rays.origin), points(simd, &rays.direction));
             let triangles = &rays.triangle;
             open =
                 completion::complete(simd, self.mesh, axes, lines, triangles, hit, |lane, hit| {
@@ -223,7 +253,8 @@ impl<'q, 'm> Packet<'q, 'm> {
                     met &= met - 1;
                     for block in &blocks[node.blocks(lane)] {
                         let by = u32::from(by[lane]);
-                        self.visit::<S, Q>(simd, block, slabs, errors, &mut t_max, by);
+                        let place = (&node.bounds, lane);
+                        self.visit::<S, Q>(simd, block, place, slabs, errors, &mut t_max, by);
                     }
                 }
                 if lower(lower(-t_max[0], -t_max[1]), lower(-t_max[2], -t_max[3])) == f32::INFINITY
@@ -259,32 +290,44 @@ impl<'q, 'm> Packet<'q, 'm> {
         }
     }
 
-    /// Tests the rays of groups `by` against the triangles of a block.
+    /// Tests the rays of groups `by` against the triangles of a block, whose box is the one in
+    /// a lane of `bounds`.
     #[inline(always)]
     fn visit<S: Simd, Q: Query>(
         &mut self,
         simd: S,
         block: &Block,
+        (bounds, lane): (&[[f32; LANES]; 6], usize),
         slabs: &[SlabLanes<S>; GROUPS],
         errors: &ErrorScale,
         t_max: &mut [f32; GROUPS],
         mut by: u32,
     ) {
         let triangles = TriangleLanes::of_block(simd, block);
-        let boxes = triangles.boxes();
-        let errors = errors.of(simd, &triangles).rows();
+        let errors = errors.of(simd, &triangles);
         while by != 0 {
             let k = by.trailing_zeros() as usize % GROUPS;
             by &= by - 1;
-            let mut candidates = slabs[k].meet(simd, &boxes, t_max[k]).1;
-            if candidates == 0 {
+            let mut rays = self.groups[k].meet(simd, bounds, lane, self.slack);
+            if rays == 0 {
                 continue;
             }
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize % LANES;
-                candidates &= candidates - 1;
-                let errors = ErrorLanes::of_row(simd, &errors, lane);
-                self.test::<S, Q>(simd, k, block, lane, &errors);
+            if rays.count_ones() > SINGLY {
+                let boxes = triangles.boxes();
+                let rows = errors.rows();
+                let mut candidates = slabs[k].meet(simd, &boxes, t_max[k]).1;
+                while candidates != 0 {
+                    let lane = candidates.trailing_zeros() as usize % LANES;
+                    candidates &= candidates - 1;
+                    let errors = ErrorLanes::of_row(simd, &rows, lane);
+                    self.test_group::<S, Q>(simd, k, block, lane, &errors);
+                }
+            } else {
+                while rays != 0 {
+                    let ray = rays.trailing_zeros() as usize % GROUP;
+                    rays &= rays - 1;
+                    self.test_ray::<S, Q>(simd, k, ray, block, &triangles, &errors);
+                }
             }
             t_max[k] = self.groups[k].t_max(simd);
         }
@@ -292,7 +335,7 @@ impl<'q, 'm> Packet<'q, 'm> {
 
     /// Tests the rays of a group against one triangle of a block.
     #[inline(always)]
-    fn test<S: Simd, Q: Query>(
+    fn test_group<S: Simd, Q: Query>(
         &mut self,
         simd: S,
         group: usize,
@@ -300,12 +343,10 @@ impl<'q, 'm> Packet<'q, 'm> {
         lane: usize,
         errors: &ErrorLanes<f32x16<S>>,
     ) {
-        let rays = &mut self.groups[group];
-        let triangle = block.triangles[lane];
-        let point = |[x, y, z]: &[Numbers; 3]| [x.lanes(simd), y.lanes(simd), z.lanes(simd)];
+        let rays = &self.groups[group];
         let lanes = RayLanes {
-            origin: point(&rays.origin),
-            direction: point(&rays.direction),
+            origin: points(simd, &rays.origin),
+            direction: points(simd, &rays.direction),
         };
         let corners = TriangleLanes::of_lane(simd, block, lane);
         let passing = Passing::new(&lanes, &corners, errors);
@@ -320,58 +361,94 @@ impl<'q, 'm> Packet<'q, 'm> {
         );
         let active = high.simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
         let possible = distance.possible(t_min, high) & !passing.missed & active;
-        let possible = possible.to_bitmask() as u32;
+        let mut possible = possible.to_bitmask() as u32;
         if possible == 0 {
             return;
         }
-        if Q::ANY {
-            let sure = distance.surely_within(t_min, high).to_bitmask() as u32;
-            let mut hit = possible & sure;
-            let mut open = possible & !sure;
-            while hit != 0 {
-                let lane = hit.trailing_zeros() as usize % GROUP;
-                hit &= hit - 1;
-                rays.found(lane, triangle, f32::NEG_INFINITY, f32::NEG_INFINITY);
+        let nearest = if Q::ANY { high } else { low };
+        let sure = distance.surely_within(t_min, nearest).to_bitmask() as u32;
+        let (lows, highs): ([f32; GROUP], [f32; GROUP]) =
+            (distance.low.into(), distance.high.into());
+        let triangle = block.triangles[lane];
+        while possible != 0 {
+            let lane = possible.trailing_zeros() as usize % GROUP;
+            possible &= possible - 1;
+            if sure >> lane & 1 != 0 {
+                self.groups[group].found::<Q>(lane, triangle, lows[lane], highs[lane]);
+            } else {
+                self.decide::<Q>(group, lane, triangle);
             }
-            while open != 0 {
-                let lane = open.trailing_zeros() as usize % GROUP;
-                open &= open - 1;
-                let ray = &self.rays[group * GROUP + lane];
-                if exact(self.mesh, ray, triangle).is_some() {
-                    rays.found(lane, triangle, f32::NEG_INFINITY, f32::NEG_INFINITY);
-                }
-            }
+        }
+    }
+
+    /// Tests one ray against the triangles of a block.
+    #[inline(always)]
+    fn test_ray<S: Simd, Q: Query>(
+        &mut self,
+        simd: S,
+        group: usize,
+        ray: usize,
+        block: &Block,
+        triangles: &TriangleLanes<f32x8<S>>,
+        errors: &ErrorLanes<f32x8<S>>,
+    ) {
+        let rays = &self.groups[group];
+        let lanes = RayLanes {
+            origin: point(simd, &rays.origin, ray),
+            direction: point(simd, &rays.direction, ray),
+        };
+        let passing = Passing::new(&lanes, triangles, errors);
+        if passing.missed.all_true() {
             return;
         }
-        let nearer = distance.surely_within(t_min, low).to_bitmask() as u32;
-        let mut hit = possible & nearer;
-        let mut open = possible & !nearer;
-        while hit != 0 {
-            let lane = hit.trailing_zeros() as usize % GROUP;
-            hit &= hit - 1;
-            rays.found(lane, triangle, distance.low[lane], distance.high[lane]);
+        let distance = passing.distance(simd, errors);
+        let t_min = f32x8::splat(simd, rays.t_min.0[ray]);
+        let high = f32x8::splat(simd, rays.high.0[ray]);
+        let possible = distance.possible(t_min, high) & !passing.missed;
+        let mut possible = possible.to_bitmask() as u32;
+        if possible == 0 {
+            return;
         }
-        while open != 0 {
-            let lane = open.trailing_zeros() as usize % GROUP;
-            open &= open - 1;
-            if rays.triangle[lane] == triangle {
-                continue;
-            }
-            let ray = &self.rays[group * GROUP + lane];
-            let Some(crossing) = exact(self.mesh, ray, triangle) else {
-                continue;
-            };
-            let last = rays.triangle[lane];
-            if last != NONE && rays.low.0[lane] < rays.high.0[lane] {
-                if let Some(last) = exact(self.mesh, ray, last) {
-                    rays.low.0[lane] = last.t;
-                    rays.high.0[lane] = last.t;
+        let sure = distance.surely_within(t_min, high).to_bitmask() as u32;
+        let (lows, highs): ([f32; LANES], [f32; LANES]) =
+            (distance.low.into(), distance.high.into());
+        while possible != 0 {
+            let lane = possible.trailing_zeros() as usize % LANES;
+            possible &= possible - 1;
+            let triangle = block.triangles[lane];
+            // What was found in another lane may be nearer.
+            if sure >> lane & 1 != 0 && (Q::ANY || highs[lane] <= self.groups[group].low.0[ray]) {
+                self.groups[group].found::<Q>(ray, triangle, lows[lane], highs[lane]);
+                if Q::ANY {
+                    return;
                 }
+            } else {
+                self.decide::<Q>(group, ray, triangle);
             }
-            let best = rays.high.0[lane];
-            if crossing.t < best || crossing.t == best && triangle < last {
-                rays.found(lane, triangle, crossing.t, crossing.t);
-            }
+        }
+    }
+
+    /// Takes a hit that may be there, or may be nearer than the nearest known, if it is.
+    fn decide<Q: Query>(&mut self, group: usize, lane: usize, triangle: u32) {
+        let rays = &mut self.groups[group];
+        let last = rays.triangle[lane];
+        if last == triangle {
+            return;
+        }
+        let ray = &self.rays[group * GROUP + lane];
+        let Some(crossing) = exact(self.mesh, ray, triangle) else {
+            return;
+        };
+        if last != NONE
+            && rays.low.0[lane] < rays.high.0[lane]
+            && let Some(last) = exact(self.mesh, ray, last)
+        {
+            rays.low.0[lane] = last.t;
+            rays.high.0[lane] = last.t;
+        }
+        let best = rays.high.0[lane];
+        if crossing.t < best || crossing.t == best && triangle < last {
+            rays.found::<Q>(lane, triangle, crossing.t, crossing.t);
         }
     }
 }
@@ -384,6 +461,7 @@ impl Group {
         low: Numbers([f32::NEG_INFINITY; GROUP]),
         high: Numbers([f32::NEG_INFINITY; GROUP]),
         triangle: [NONE; GROUP],
+        inverse: [Numbers([0.0; GROUP]); 3],
     };
 
     /// Puts rays into lanes. Those that cannot hit anything look for nothing.
@@ -437,25 +515,38 @@ impl Group {
         let t_max = valid.select(self.high.lanes(simd), none);
         self.high = Numbers(t_max.into());
         self.low = self.high;
+        self.triangle = [NONE; GROUP];
     }
 
-    /// The ranges of the rays that look for something.
+    /// Prepares to [`meet`](Self::meet) boxes.
     #[inline(always)]
-    fn intervals<S: Simd>(&self, simd: S) -> Intervals {
-        let active = self
-            .high
-            .lanes(simd)
-            .simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
-        let mut intervals = Intervals::NONE;
+    fn find_inverses<S: Simd>(&mut self, simd: S) {
+        let [x, y, z] = points(simd, &self.direction);
+        let slowest = x.abs().max(y.abs()).max(z.abs()) * SLOWEST;
+        let one = f32x16::splat(simd, 1.0);
+        self.inverse = [
+            Numbers((one / x.abs().max(slowest).copysign(x)).into()),
+            Numbers((one / y.abs().max(slowest).copysign(y)).into()),
+            Numbers((one / z.abs().max(slowest).copysign(z)).into()),
+        ];
+    }
+
+    /// The rays that may meet the box in a lane of `bounds`.
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, bounds: &[[f32; LANES]; 6], lane: usize, slack: f32) -> u32 {
+        let mut enter = self.t_min.lanes(simd);
+        let mut leave = self.high.lanes(simd);
         for axis in 0..3 {
-            let (origin, direction) = (&self.origin[axis], &self.direction[axis]);
-            intervals.origins.min[axis] = lowest(simd, active, origin);
-            intervals.origins.max[axis] = highest(simd, active, origin);
-            intervals.directions.min[axis] = lowest(simd, active, direction);
-            intervals.directions.max[axis] = highest(simd, active, direction);
+            let (origin, inverse) = (&self.origin[axis], &self.inverse[axis]);
+            let low = (bounds[2 * axis][lane % LANES] - slack).next_down();
+            let high = (bounds[2 * axis + 1][lane % LANES] + slack).next_up();
+            let (origin, inverse) = (origin.lanes(simd), inverse.lanes(simd));
+            let first = (f32x16::splat(simd, low) - origin) * inverse;
+            let second = (f32x16::splat(simd, high) - origin) * inverse;
+            enter = enter.max(first.min(second));
+            leave = leave.min(first.max(second));
         }
-        intervals.t_min = lowest(simd, active, &self.t_min);
-        intervals
+        (!enter.simd_gt(leave)).to_bitmask() as u32
     }
 
     /// The axes of the frame that all of some rays share ([`ShearedRay`]).
@@ -483,24 +574,31 @@ impl Group {
         self.high.lanes(simd).reduce_max()
     }
 
+    /// Takes a hit that is nearer than the nearest known.
     #[inline(always)]
-    fn found(&mut self, lane: usize, triangle: u32, low: f32, high: f32) {
+    fn found<Q: Query>(&mut self, lane: usize, triangle: u32, low: f32, high: f32) {
         self.triangle[lane] = triangle;
-        self.low.0[lane] = low;
-        self.high.0[lane] = high;
+        (self.low.0[lane], self.high.0[lane]) = if Q::ANY {
+            (f32::NEG_INFINITY, f32::NEG_INFINITY)
+        } else {
+            (low, high)
+        };
     }
 }
 
 #[inline(always)]
-fn lowest<S: Simd>(simd: S, active: mask32x16<S>, numbers: &Numbers) -> f32 {
-    let others = f32x16::splat(simd, f32::INFINITY);
-    active.select(numbers.lanes(simd), others).reduce_min()
+fn points<S: Simd>(simd: S, [x, y, z]: &[Numbers; 3]) -> [f32x16<S>; 3] {
+    [x.lanes(simd), y.lanes(simd), z.lanes(simd)]
 }
 
+/// One lane's point in every lane.
 #[inline(always)]
-fn highest<S: Simd>(simd: S, active: mask32x16<S>, numbers: &Numbers) -> f32 {
-    let others = f32x16::splat(simd, f32::NEG_INFINITY);
-    active.select(numbers.lanes(simd), others).reduce_max()
+fn point<S: Simd>(simd: S, [x, y, z]: &[Numbers; 3], lane: usize) -> [f32x8<S>; 3] {
+    [
+        f32x8::splat(simd, x.0[lane]),
+        f32x8::splat(simd, y.0[lane]),
+        f32x8::splat(simd, z.0[lane]),
+    ]
 }
 
 /// Columns instead of rows.
@@ -523,6 +621,38 @@ impl Intervals {
         directions: Aabb::EMPTY,
         t_min: f32::INFINITY,
     };
+
+    /// The ranges of the rays of some groups that look for something.
+    #[inline(always)]
+    fn of<S: Simd>(simd: S, groups: &[Group]) -> Self {
+        let (most, least) = (
+            f32x16::splat(simd, f32::INFINITY),
+            f32x16::splat(simd, f32::NEG_INFINITY),
+        );
+        let mut lowest = [most; 7];
+        let mut highest = [least; 6];
+        for group in groups {
+            let active = group.high.lanes(simd).simd_gt(least);
+            for axis in 0..3 {
+                let origin = group.origin[axis].lanes(simd);
+                let direction = group.direction[axis].lanes(simd);
+                lowest[axis] = lowest[axis].min(active.select(origin, most));
+                highest[axis] = highest[axis].max(active.select(origin, least));
+                lowest[3 + axis] = lowest[3 + axis].min(active.select(direction, most));
+                highest[3 + axis] = highest[3 + axis].max(active.select(direction, least));
+            }
+            lowest[6] = lowest[6].min(active.select(group.t_min.lanes(simd), most));
+        }
+        let mut intervals = Self::NONE;
+        for axis in 0..3 {
+            intervals.origins.min[axis] = lowest[axis].reduce_min();
+            intervals.origins.max[axis] = highest[axis].reduce_max();
+            intervals.directions.min[axis] = lowest[3 + axis].reduce_min();
+            intervals.directions.max[axis] = highest[3 + axis].reduce_max();
+        }
+        intervals.t_min = lowest[6].reduce_min();
+        intervals
+    }
 
     #[inline(always)]
     fn is_none(&self) -> bool {
@@ -552,22 +682,18 @@ impl Intervals {
     }
 
     #[inline(always)]
-    fn union(&self, other: &Self) -> Self {
-        let mut all = *self;
-        for axis in 0..3 {
-            let (origins, directions) = (&other.origins, &other.directions);
-            all.origins.min[axis] = lower(all.origins.min[axis], origins.min[axis]);
-            all.origins.max[axis] = upper(all.origins.max[axis], origins.max[axis]);
-            all.directions.min[axis] = lower(all.directions.min[axis], directions.min[axis]);
-            all.directions.max[axis] = upper(all.directions.max[axis], directions.max[axis]);
-        }
-        all.t_min = lower(all.t_min, other.t_min);
-        all
-    }
-
-    #[inline(always)]
     fn slabs<S: Simd>(&self, simd: S, bounds: &Aabb) -> SlabLanes<S> {
         SlabLanes::of_intervals(simd, &self.origins, &self.directions, self.t_min, bounds)
+    }
+
+    /// By how much boxes are widened for these rays, as [`SlabLanes`] do it.
+    #[inline(always)]
+    fn slack(&self, bounds: &Aabb) -> f32 {
+        SLACK
+            * upper(
+                bounds.reach(self.origins.min),
+                bounds.reach(self.origins.max),
+            )
     }
 
     /// What bounds the errors for all of the rays.

@@ -70,9 +70,9 @@ impl Kernel for ClosestOfAll<'_, '_> {
     fn run<S: Simd>(self, simd: S) {
         let Self { tree, rays, hits } = self;
         let mesh = tree.mesh();
+        let mut packet = Packet::new(mesh);
         for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
-            let mut packet = Packet::new(simd, mesh, rays);
-            let traced = packet.trace::<S, ClosestHits>(simd, tree);
+            let traced = packet.trace::<S, ClosestHits>(simd, tree, rays);
             let groups = rays.chunks(GROUP).zip(hits.chunks_mut(GROUP));
             for (index, (rays, hits)) in groups.enumerate() {
                 if traced >> index & 1 != 0 {
@@ -107,9 +107,9 @@ impl Kernel for AnyOfAll<'_, '_> {
             rays,
             occluded,
         } = self;
+        let mut packet = Packet::new(tree.mesh());
         for (rays, occluded) in rays.chunks(PACKET).zip(occluded.chunks_mut(PACKET)) {
-            let mut packet = Packet::new(simd, tree.mesh(), rays);
-            let traced = packet.trace::<S, AnyHits>(simd, tree);
+            let traced = packet.trace::<S, AnyHits>(simd, tree, rays);
             for (index, (ray, occluded)) in rays.iter().zip(occluded).enumerate() {
                 *occluded = if traced >> (index / GROUP) & 1 != 0 {
                     packet.is_hit(index)

@@ -3,7 +3,14 @@
 use splitcast::{BuildOptions, Builder, KdTree, SequenceBuilder};
 
 use super::Catalog;
+use crate::rays::RaySetKind;
 use crate::system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
+
+/// Rays of a slice: what a caller would keep in the first cache.
+const SLICE: usize = 256;
+
+/// The mode in which rays are traced one by one.
+const SINGLY: usize = 1;
 
 /// Adds every builder and tracker.
 pub(super) fn add_to(catalog: &mut Catalog) {
@@ -41,15 +48,37 @@ impl System for Trees {
 }
 
 impl Tracer for KdTree<'_> {
-    fn closest_hits(&self, _: usize, rays: RayChunk<'_>, mut hits: HitChunk<'_>) {
-        hits.fill(rays.rays, |ray| {
-            self.closest_hit(ray).map(|hit| (hit.t, hit.triangle))
-        });
+    fn modes(&self, _: RaySetKind) -> &'static [&'static str] {
+        &["slices of rays", "single rays"]
     }
 
-    fn occluded(&self, _: usize, rays: RayChunk<'_>, occluded: &mut [bool]) {
-        for (ray, occluded) in rays.rays.iter().zip(occluded) {
-            *occluded = KdTree::occluded(self, ray);
+    fn closest_hits(&self, mode: usize, rays: RayChunk<'_>, mut hits: HitChunk<'_>) {
+        if mode == SINGLY {
+            return hits.fill(rays.rays, |ray| {
+                self.closest_hit(ray).map(|hit| (hit.t, hit.triangle))
+            });
+        }
+        let mut slice = [None; SLICE];
+        for (index, rays) in rays.rays.chunks(SLICE).enumerate() {
+            let slice = &mut slice[..rays.len()];
+            KdTree::closest_hits(self, rays, slice);
+            for (place, hit) in (index * SLICE..).zip(slice) {
+                let hit = hit.map(|hit| (hit.t, hit.triangle));
+                (hits.t[place], hits.triangle[place]) = hit.unwrap_or((f32::INFINITY, u32::MAX));
+            }
+        }
+    }
+
+    fn occluded(&self, mode: usize, rays: RayChunk<'_>, occluded: &mut [bool]) {
+        if mode == SINGLY {
+            for (ray, occluded) in rays.rays.iter().zip(occluded) {
+                *occluded = KdTree::occluded(self, ray);
+            }
+            return;
+        }
+        let slices = rays.rays.chunks(SLICE);
+        for (rays, occluded) in slices.zip(occluded.chunks_mut(SLICE)) {
+            self.occluded_rays(rays, occluded);
         }
     }
 

@@ -104,6 +104,14 @@ impl Query for AnyHits {
     const ANY: bool = true;
 }
 
+/// How the groups of a packet meet boxes and triangles.
+struct Way<S: Simd> {
+    slabs: [SlabLanes<S>; GROUPS],
+    /// The highest distance that is of interest to any ray of each group.
+    t_max: [f32; GROUPS],
+    errors: ErrorScale,
+}
+
 /// A packet under way.
 pub(super) struct Packet<'q, 'm> {
     mesh: Mesh<'m>,
@@ -156,7 +164,11 @@ impl<'q, 'm> Packet<'q, 'm> {
             }
         }
         let mut traced = 0;
-        let mut slabs = [SlabLanes::nowhere(simd); GROUPS];
+        let mut way = Way {
+            slabs: [SlabLanes::nowhere(simd); GROUPS],
+            t_max: [f32::NEG_INFINITY; GROUPS],
+            errors: all.errors(&bounds),
+        };
         let mut meeting = 0;
         for k in 0..count {
             let intervals = Intervals::of(simd, &self.groups[k..k + 1]);
@@ -165,14 +177,14 @@ impl<'q, 'm> Packet<'q, 'm> {
             } else if intervals.are_narrow(&bounds) {
                 traced |= 1 << k;
                 meeting |= 1 << k;
-                slabs[k] = intervals.slabs(simd, &bounds);
+                way.slabs[k] = intervals.slabs(simd, &bounds);
+                way.t_max[k] = self.groups[k].t_max(simd);
                 self.groups[k].find_inverses(simd);
             }
         }
         if meeting != 0 {
-            let errors = all.errors(&bounds);
             self.slack = all.slack(&bounds);
-            self.descend::<S, Q>(simd, tree.wide(), &slabs, &errors, meeting);
+            self.descend::<S, Q>(simd, tree.wide(), &mut way, meeting);
         }
         traced
     }
@@ -218,16 +230,11 @@ impl<'q, 'm> Packet<'q, 'm> {
         &mut self,
         simd: S,
         wide: &WideTree,
-        slabs: &[SlabLanes<S>; GROUPS],
-        errors: &ErrorScale,
+        way: &mut Way<S>,
         mut groups: u32,
     ) {
         let nodes = wide.nodes();
         let mut stack: Stack<u32> = Stack::new();
-        let mut t_max = [f32::NEG_INFINITY; GROUPS];
-        for k in 0..GROUPS {
-            t_max[k] = self.groups[k].t_max(simd);
-        }
         let mut index = wide.root();
         loop {
             let node = &nodes[index as usize];
@@ -239,7 +246,7 @@ impl<'q, 'm> Packet<'q, 'm> {
             while rest != 0 {
                 let k = rest.trailing_zeros() as usize % GROUPS;
                 rest &= rest - 1;
-                let (near_k, met_k) = slabs[k].meet(simd, &node.bounds, t_max[k]);
+                let (near_k, met_k) = way.slabs[k].meet(simd, &node.bounds, way.t_max[k]);
                 met |= met_k;
                 for lane in 0..LANES {
                     by[lane] |= ((met_k >> lane & 1) << k) as u8;
@@ -254,11 +261,11 @@ impl<'q, 'm> Packet<'q, 'm> {
                     for block in &blocks[node.blocks(lane)] {
                         let by = u32::from(by[lane]);
                         let place = (&node.bounds, lane);
-                        self.visit::<S, Q>(simd, block, place, slabs, errors, &mut t_max, by);
+                        self.visit::<S, Q>(simd, block, place, way, by);
                     }
                 }
-                if lower(lower(-t_max[0], -t_max[1]), lower(-t_max[2], -t_max[3])) == f32::INFINITY
-                {
+                let [a, b, c, d] = way.t_max;
+                if upper(upper(a, b), upper(c, d)) == f32::NEG_INFINITY {
                     return;
                 }
             } else if met != 0 {
@@ -279,7 +286,7 @@ impl<'q, 'm> Packet<'q, 'm> {
                 };
                 let mut still = 0;
                 for k in 0..GROUPS {
-                    still |= u32::from(near <= t_max[k]) << k;
+                    still |= u32::from(near <= way.t_max[k]) << k;
                 }
                 if by & still != 0 {
                     groups = by & still;
@@ -298,13 +305,11 @@ impl<'q, 'm> Packet<'q, 'm> {
         simd: S,
         block: &Block,
         (bounds, lane): (&[[f32; LANES]; 6], usize),
-        slabs: &[SlabLanes<S>; GROUPS],
-        errors: &ErrorScale,
-        t_max: &mut [f32; GROUPS],
+        way: &mut Way<S>,
         mut by: u32,
     ) {
         let triangles = TriangleLanes::of_block(simd, block);
-        let errors = errors.of(simd, &triangles);
+        let errors = way.errors.of(simd, &triangles);
         while by != 0 {
             let k = by.trailing_zeros() as usize % GROUPS;
             by &= by - 1;
@@ -315,7 +320,7 @@ impl<'q, 'm> Packet<'q, 'm> {
             if rays.count_ones() > SINGLY {
                 let boxes = triangles.boxes();
                 let rows = errors.rows();
-                let mut candidates = slabs[k].meet(simd, &boxes, t_max[k]).1;
+                let mut candidates = way.slabs[k].meet(simd, &boxes, way.t_max[k]).1;
                 while candidates != 0 {
                     let lane = candidates.trailing_zeros() as usize % LANES;
                     candidates &= candidates - 1;
@@ -329,7 +334,7 @@ impl<'q, 'm> Packet<'q, 'm> {
                     self.test_ray::<S, Q>(simd, k, ray, block, &triangles, &errors);
                 }
             }
-            t_max[k] = self.groups[k].t_max(simd);
+            way.t_max[k] = self.groups[k].t_max(simd);
         }
     }
 

@@ -76,6 +76,8 @@ impl Tracer for KdTree<'_> {
             }
             return;
         }
+        // There is room behind for whole blocks of rays.
+        let occluded = &mut occluded[..rays.rays.len()];
         let slices = rays.rays.chunks(SLICE);
         for (rays, occluded) in slices.zip(occluded.chunks_mut(SLICE)) {
             self.occluded_rays(rays, occluded);

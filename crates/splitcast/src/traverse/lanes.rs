@@ -308,3 +308,6 @@ pub(super) fn length_bound([x, y, z]: [f32; 3]) -> f32 {
     let (x, y, z) = (x / largest, y / largest, z / largest);
     (x * x + y * y + z * z).sqrt() * largest * 1.000_001
 }
+
+#[cfg(test)]
+mod tests;

@@ -181,6 +181,17 @@ impl<'m> KdTree<'m> {
         Self::from_storage(mesh, bounds, storage, cost, skipped_triangles)
     }
 
+    /// The same tree, traced through another wide form, which need not make sense, for tests.
+    #[cfg(test)]
+    pub(crate) fn with_wide(self, wide: WideTree) -> Self {
+        let storage = Arc::new(Storage {
+            nodes: self.nodes().to_vec(),
+            references: self.references().to_vec(),
+            wide,
+        });
+        Self { storage, ..self }
+    }
+
     /// What rays are traced through.
     #[inline(always)]
     pub(crate) fn wide(&self) -> &WideTree {

@@ -2,11 +2,13 @@
 //!
 //! What queries rely on: nodes in depth-first order, planes inside their
 //! cells, leaves that share out the references, and every point of every
-//! triangle inside a leaf that holds the triangle.
+//! triangle inside a leaf that holds the triangle. And what rays rely on: the wide form
+//! that they are traced through says the same.
 
 mod coverage;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 use rayon::prelude::*;
 
@@ -166,6 +168,110 @@ pub enum Violation {
         /// A point of the triangle inside the leaf's cell.
         point: [f32; 3],
     },
+    /// A leaf without a wide node that holds blocks.
+    #[error("leaf {node} has no wide node with blocks of triangles")]
+    NoWideLeaf {
+        /// Index of the leaf.
+        node: usize,
+    },
+    /// Blocks of a leaf's wide node that do not exist.
+    #[error(
+        "the wide node of leaf {node} has blocks {first} to {end} in lane {lane}, \
+         but its group has only {blocks}"
+    )]
+    BlocksOutOfRange {
+        /// Index of the leaf.
+        node: usize,
+        /// The lane of its wide node.
+        lane: usize,
+        /// The lane's first block.
+        first: usize,
+        /// The block after its last.
+        end: usize,
+        /// Number of blocks in the leaf's group.
+        blocks: usize,
+    },
+    /// A triangle that a leaf holds but its blocks do not.
+    #[error("leaf {node} holds triangle {triangle}, but none of its blocks does")]
+    NotInBlocks {
+        /// Index of the leaf.
+        node: usize,
+        /// The triangle.
+        triangle: u32,
+    },
+    /// A triangle that a leaf's blocks hold but it does not.
+    #[error("a block of leaf {node} holds triangle {triangle}, which the leaf does not hold")]
+    ForeignInBlock {
+        /// Index of the leaf.
+        node: usize,
+        /// The triangle.
+        triangle: u32,
+    },
+    /// A corner or an edge in a block that is not the mesh's.
+    #[error("a block of leaf {node} has triangle {triangle} in another place than the mesh")]
+    MisplacedInBlock {
+        /// Index of the leaf.
+        node: usize,
+        /// The triangle.
+        triangle: u32,
+    },
+    /// A box around blocks that does not hold what they hold.
+    #[error(
+        "triangle {triangle} reaches out of the box around its block, \
+         lane {lane} of the wide node of leaf {node}, within the leaf's cell"
+    )]
+    OutsideBlockBounds {
+        /// Index of the leaf.
+        node: usize,
+        /// The lane of its wide node.
+        lane: usize,
+        /// The triangle.
+        triangle: u32,
+    },
+    /// A wide node that holds blocks, but of no leaf.
+    #[error("wide node {wide} holds blocks, but only the first {leaves} are leaves")]
+    SurplusWideLeaf {
+        /// Index of the wide node.
+        wide: usize,
+        /// Number of leaves of the kd-tree.
+        leaves: usize,
+    },
+    /// A wide node with a child that does not exist.
+    #[error("wide node {wide} has child {child} in lane {lane}, but there are only {nodes}")]
+    WideChildOutOfRange {
+        /// Index of the wide node.
+        wide: usize,
+        /// The lane.
+        lane: usize,
+        /// The child it names.
+        child: usize,
+        /// Number of wide nodes.
+        nodes: usize,
+    },
+    /// A box around a child that does not hold the child's boxes.
+    #[error("wide node {child} reaches out of its box in lane {lane} of wide node {wide}")]
+    OutsideWideBounds {
+        /// Index of the wide node with the box.
+        wide: usize,
+        /// The lane of the box.
+        lane: usize,
+        /// Index of the child.
+        child: usize,
+    },
+    /// A wide node that no ray can reach although there is something to hit.
+    #[error("wide node {wide} is not reached from the root")]
+    LostWideNode {
+        /// Index of the wide node; leaves come first, in the order of the kd-tree's.
+        wide: usize,
+    },
+    /// A wide node that rays reach in several ways.
+    #[error("wide node {wide} is reached {times} times from the root, expected once")]
+    SharedWideNode {
+        /// Index of the wide node; leaves come first, in the order of the kd-tree's.
+        wide: usize,
+        /// In how many ways it is reached.
+        times: usize,
+    },
 }
 
 impl KdTree<'_> {
@@ -175,20 +281,29 @@ impl KdTree<'_> {
     /// # Errors
     /// The violations in the order of nodes, then of triangles; of each kind no more than 16.
     /// Leaves are searched for missing triangles only if the tree's
-    /// structure is sound.
+    /// structure is sound, and the wide form is compared with the tree only if nothing is wrong
+    /// with that.
     pub fn validate(&self) -> Result<(), Vec<Violation>> {
         let mut violations = Violations::default();
-        self.check_structure(&mut violations);
-        self.check_leaf_ranges(&mut violations);
+        self.check_nodes(&mut violations);
         if violations.list.is_empty() {
-            let leaves = SortedLeaves::new(self);
-            self.check_leaf_contents(&leaves, &mut violations);
-            self.check_coverage(&leaves, &mut violations);
+            self.check_wide(&mut violations);
         }
         if violations.list.is_empty() {
             Ok(())
         } else {
             Err(violations.list)
+        }
+    }
+
+    /// Checks the kd-tree without its wide form.
+    fn check_nodes(&self, violations: &mut Violations) {
+        self.check_structure(violations);
+        self.check_leaf_ranges(violations);
+        if violations.list.is_empty() {
+            let leaves = SortedLeaves::new(self);
+            self.check_leaf_contents(&leaves, violations);
+            self.check_coverage(&leaves, violations);
         }
     }
 

@@ -40,11 +40,11 @@ pub(crate) struct WideNode {
     pub(crate) bounds: [[f32; LANES]; 6],
     /// Inner node: the children's indices. Leaf: each lane's first block; its last is before the
     /// next lane's.
-    first: [u32; LANES],
+    pub(crate) first: [u32; LANES],
     /// Leaf: the block after its last.
-    end: u32,
+    pub(crate) end: u32,
     /// Leaf: the group that it is in.
-    group: u32,
+    pub(crate) group: u32,
 }
 
 impl WideNode {
@@ -70,8 +70,17 @@ impl WideNode {
         }
     }
 
+    /// The box of a child.
+    pub(crate) fn bounds_of(&self, lane: usize) -> Aabb {
+        let row = |row: usize| self.bounds[row][lane];
+        Aabb {
+            min: [row(0), row(2), row(4)],
+            max: [row(1), row(3), row(5)],
+        }
+    }
+
     /// The box around all children.
-    fn content(&self) -> Aabb {
+    pub(crate) fn content(&self) -> Aabb {
         let lowest = |row: &[f32; LANES]| row.iter().copied().fold(f32::INFINITY, f32::min);
         let highest = |row: &[f32; LANES]| row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let [x0, x1, y0, y1, z0, z1] = &self.bounds;
@@ -129,10 +138,10 @@ pub(crate) struct LeafGroup<'l> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct WideTree {
     /// First the leaves, in the order of the kd-tree's, then the inner nodes.
-    nodes: Vec<WideNode>,
-    root: u32,
+    pub(crate) nodes: Vec<WideNode>,
+    pub(crate) root: u32,
     /// The first leaf and the blocks of each group.
-    groups: Vec<(u32, Arc<Vec<Block>>)>,
+    pub(crate) groups: Vec<(u32, Arc<Vec<Block>>)>,
 }
 
 impl WideTree {

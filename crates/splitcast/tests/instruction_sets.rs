@@ -3,7 +3,9 @@
 
 mod suite;
 
-use splitcast::{BuildOptions, KdTree, Mesh, NonFinite, SequenceBuilder, SimdLevel, force_simd};
+use splitcast::{
+    BuildOptions, Builder, KdTree, Mesh, NonFinite, SequenceBuilder, SimdLevel, force_simd,
+};
 use suite::meshes::sheet;
 use suite::{Expectations, cases, default_sets};
 
@@ -30,7 +32,11 @@ fn trees_and_hits_are_the_same_bits_on_every_instruction_set() {
             let tree = build_everywhere(&name, mesh, &options);
             for &level in SimdLevel::ALL.iter().filter(|level| level.is_available()) {
                 force_simd(Some(level)).expect("it is available");
-                expectations.check(&tree, &format!("{name} with {}, {level}", options.builder));
+                let what = format!("{name} with {}, {level}", options.builder);
+                expectations.check(&tree, &what);
+                if options.builder == Builder::ALL[0] {
+                    expectations.check_long_slices(&tree, &what);
+                }
             }
         }
     }

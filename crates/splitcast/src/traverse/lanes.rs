@@ -31,6 +31,10 @@ use crate::wide::{Block, LANES};
 /// Distance between 1 and the next number below, halved: what one rounding may do.
 const ROUNDING: f32 = 1.0 / (1 << 24) as f32;
 
+/// Directions count as no shorter than this in bounds, which thus do not underflow before they are
+/// multiplied by large edges.
+const SHORTEST: f32 = 1.0 / (1u128 << 100) as f32;
+
 /// A number or a point in each lane.
 type Point<V> = [V; 3];
 
@@ -118,6 +122,7 @@ impl ErrorScale {
     /// the tree.
     #[inline(always)]
     pub(super) fn new(length: f32, reach: f32) -> Self {
+        let length = upper(length, SHORTEST);
         // No product exceeds 6 R·D·E or 6 R·E², where E is at most 2 R.
         let largest = (length + reach) * reach * reach * 32.0;
         let unit = if largest.is_finite() {
@@ -253,8 +258,9 @@ impl<S: Simd, V: SimdFloat<S, Element = f32>> Passing<S, V> {
         let (inverse, size) = (inverse.abs(), t.abs());
         let error = size.mul_add(errors.determinant, errors.depth) * inverse;
         let slack = size.mul_add(V::splat(simd, 4.0 * ROUNDING), error * 1.4);
-        // 1 / (1 - 0.25) is below 1.4.
-        let known = (errors.determinant * inverse).simd_lt(0.25);
+        // 1 / (1 - 0.25) is below 1.4. The exact test finds no hit at a distance that overflows.
+        let known =
+            (errors.determinant * inverse).simd_lt(0.25) & (size + slack).simd_lt(f32::INFINITY);
         Distance {
             low: t - slack,
             high: t + slack,
@@ -302,3 +308,6 @@ pub(super) fn length_bound([x, y, z]: [f32; 3]) -> f32 {
     let (x, y, z) = (x / largest, y / largest, z / largest);
     (x * x + y * y + z * z).sqrt() * largest * 1.000_001
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,7 @@
 //! A whole tree, and that tree broken in every way that has a name.
 
 use super::*;
+use crate::wide::WideTree;
 use crate::{BuildOptions, CostModel, Mesh, Node};
 
 /// Three triangles in the box (0, 0, 0) to (4, 2, 1): one left of x = 2,
@@ -46,17 +47,23 @@ impl Parts {
     }
 
     fn violations(&self) -> Vec<Violation> {
-        KdTree::of_nodes(
-            Mesh::new(&self.positions, &TRIANGLES).unwrap(),
+        let mesh = Mesh::new(&self.positions, &TRIANGLES).unwrap();
+        let tree = KdTree::of_nodes(
+            mesh,
             self.bounds,
             self.nodes.clone(),
             self.references.clone(),
             CostModel::default(),
             self.skipped,
-        )
-        .validate()
-        .err()
-        .unwrap_or_default()
+        );
+        let mut violations = Violations::default();
+        tree.check_nodes(&mut violations);
+        if !violations.list.is_empty() {
+            return violations.list;
+        }
+        // Nodes that make sense have a wide form.
+        let wide = WideTree::new(mesh, self.bounds, &self.nodes, &self.references);
+        tree.with_wide(wide).validate().err().unwrap_or_default()
     }
 }
 

@@ -131,6 +131,28 @@ pub(crate) fn sphere(levels: u32) -> Soup {
     }
 }
 
+/// A closed box from -1 to 1 with `2 · side²` triangles on each face.
+pub(crate) fn closed_box(side: u32) -> Soup {
+    let width = side + 1;
+    let mut soup = Soup::default();
+    for face in 0..6 {
+        let first = soup.positions.len() as u32;
+        let at = |i: u32| 2.0 * i as f32 / side as f32 - 1.0;
+        for k in 0..width * width {
+            let mut position = [at(k % width), at(k / width), (2 * (face % 2)) as f32 - 1.0];
+            position.rotate_left(face / 2);
+            soup.positions.push(position);
+        }
+        for k in (0..width * side).filter(|k| k % width < side) {
+            let corner = first + k;
+            let above = corner + width;
+            soup.triangles.push([corner, corner + 1, above]);
+            soup.triangles.push([corner + 1, above + 1, above]);
+        }
+    }
+    soup
+}
+
 /// [`sphere`] with waves on it that move with `phase`: creases, folds, bumps.
 pub(crate) fn bumpy_sphere(levels: u32, phase: f32) -> Soup {
     sphere(levels).mapped(|[x, y, z]| {

@@ -14,11 +14,14 @@ pub(crate) mod cases;
 pub(crate) mod edits;
 pub(crate) mod meshes;
 pub(crate) mod rays;
+mod slices;
 
 use splitcast::{
     BuildOptions, Builder, Hit, KdTree, Mesh, NonFinite, Preset, Ray, SequenceBuilder, Violation,
     reference,
 };
+
+use slices::Slices;
 
 /// Triangle tests that brute force may take per mesh: about a tenth of a second.
 const BRUTE_FORCE_TESTS: usize = 1_000_000;
@@ -92,13 +95,17 @@ impl Suite {
     ) {
         let mesh = Mesh::new(positions, triangles).unwrap_or_else(|e| panic!("{name}: {e}"));
         let expectations = Expectations::new(mesh);
-        for builder in &mut self.builders {
+        for (index, builder) in self.builders.iter_mut().enumerate() {
             let options = *builder.options();
             let tree = builder
                 .build(mesh)
                 .unwrap_or_else(|e| panic!("{name} with {options:?}: {e}"));
             check_whole(name, &tree, &options);
-            expectations.check(&tree, &format!("{name} with {options:?}"));
+            let what = format!("{name} with {options:?}");
+            expectations.check(&tree, &what);
+            if index == 0 {
+                expectations.check_long_slices(&tree, &what);
+            }
         }
     }
 }
@@ -143,6 +150,7 @@ pub(crate) fn check_whole(name: &str, tree: &KdTree<'_>, options: &BuildOptions)
 /// Rays over a mesh, with what brute force says of each.
 pub(crate) struct Expectations {
     list: Vec<(Ray, Option<Hit>, Vec<Hit>)>,
+    slices: Vec<Slices>,
 }
 
 impl Expectations {
@@ -151,9 +159,15 @@ impl Expectations {
         Self::of_rays(mesh, count.clamp(100, 500))
     }
 
-    /// The same with about so many rays that may hit something.
+    /// The same with about so many rays that may hit something; with few, they are asked about one
+    /// by one only.
     pub(crate) fn of_rays(mesh: Mesh<'_>, count: usize) -> Self {
-        let rays = rays::all_kinds(mesh, count);
+        Self::of(mesh, rays::all_kinds(mesh, count))
+    }
+
+    /// The same with these rays.
+    pub(crate) fn of(mesh: Mesh<'_>, rays: Vec<Ray>) -> Self {
+        let slices = slices::all(mesh, (rays.len() / 100).min(3), &rays);
         let list = rays.into_iter().map(|ray| {
             let mut all = Vec::new();
             reference::all_hits(mesh, &ray, &mut all);
@@ -164,6 +178,7 @@ impl Expectations {
         });
         Self {
             list: list.collect(),
+            slices,
         }
     }
 
@@ -196,8 +211,47 @@ impl Expectations {
                     .eq(all.iter().copied().map(bits)),
                 "all hits of {ray:?} on {what}: {found:?}, expected {all:?}"
             );
+            check_choices(tree, ray, all, what);
         }
+        slices::check(&self.slices, tree, tree.nodes().len(), what);
     }
+
+    /// Panics if any ray of a long slice is not answered as brute force does.
+    pub(crate) fn check_long_slices(&self, tree: &KdTree<'_>, what: &str) {
+        slices::check_long(&self.slices, tree, what);
+    }
+}
+
+/// Panics if a query that lets some hits through finds anything but the first of those.
+fn check_choices(tree: &KdTree<'_>, ray: &Ray, all: &[Hit], what: &str) {
+    let is_hit = |hit: &Hit| {
+        let place = all.binary_search_by(|one| {
+            let order = one.t.total_cmp(&hit.t);
+            order.then(one.triangle.cmp(&hit.triangle))
+        });
+        let known = place.is_ok_and(|place| bits(all[place]) == bits(*hit));
+        assert!(known, "{hit:?} of {ray:?} on {what}");
+    };
+    let chosen_by = |hit: &Hit| hit.triangle % 3 == 1 || hit.u > hit.v;
+    let chosen = tree.closest_hit_where(ray, |hit| {
+        is_hit(hit);
+        chosen_by(hit)
+    });
+    assert_eq!(
+        chosen.map(bits),
+        all.iter().copied().find(chosen_by).map(bits),
+        "chosen hit of {ray:?} on {what}"
+    );
+    let last = all.last().map(|hit| hit.triangle);
+    let occluded = tree.occluded_where(ray, |hit| {
+        is_hit(hit);
+        Some(hit.triangle) == last
+    });
+    assert_eq!(
+        occluded,
+        last.is_some(),
+        "chosen occlusion of {ray:?} on {what}"
+    );
 }
 
 /// A hit as the bits of its numbers.

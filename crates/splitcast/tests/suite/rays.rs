@@ -8,8 +8,8 @@ use super::meshes::Rng;
 pub(crate) fn all_kinds(mesh: Mesh<'_>, count: usize) -> Vec<Ray> {
     let mut source = RaySource::new(mesh);
     let mut rays = invalid();
-    if source.traceable.is_empty() {
-        rays.extend((0..50).map(|_| source.through_space()));
+    if source.is_empty() {
+        rays.extend((0..100).map(|_| source.through_space()));
         return rays;
     }
     let kinds = [
@@ -62,15 +62,16 @@ pub(crate) fn invalid() -> Vec<Ray> {
     rays
 }
 
-struct RaySource<'m> {
+/// Where rays over a mesh come from.
+pub(super) struct RaySource<'m> {
     mesh: Mesh<'m>,
     traceable: Vec<u32>,
     bounds: Aabb,
-    rng: Rng,
+    pub(super) rng: Rng,
 }
 
 impl<'m> RaySource<'m> {
-    fn new(mesh: Mesh<'m>) -> Self {
+    pub(super) fn new(mesh: Mesh<'m>) -> Self {
         let all = 0..mesh.triangles().len() as u32;
         let traceable: Vec<u32> = all.filter(|&t| mesh.is_traceable(t)).collect();
         let boxes = traceable.iter().map(|&t| mesh.triangle_bounds(t));
@@ -82,14 +83,19 @@ impl<'m> RaySource<'m> {
         }
     }
 
-    fn size(&self) -> f32 {
+    /// Whether there is nothing to hit.
+    pub(super) fn is_empty(&self) -> bool {
+        self.traceable.is_empty()
+    }
+
+    pub(super) fn size(&self) -> f32 {
         let longest = self.bounds.extent().into_iter().fold(0.0, f32::max);
         if longest > 0.0 { longest } else { 1.0 }
     }
 
     /// A point in the box, at up to `spread` times its half extent from the middle.
-    fn point(&mut self, spread: f32) -> [f32; 3] {
-        if self.traceable.is_empty() {
+    pub(super) fn point(&mut self, spread: f32) -> [f32; 3] {
+        if self.is_empty() {
             return self.rng.in_cube();
         }
         let pad = 0.01 * self.size();
@@ -104,12 +110,12 @@ impl<'m> RaySource<'m> {
         self.mesh.corners(triangle)
     }
 
-    fn vertex(&mut self) -> [f32; 3] {
+    pub(super) fn vertex(&mut self) -> [f32; 3] {
         self.corners()[self.rng.below(3)]
     }
 
     /// Along an axis, with zeros of either sign on the others.
-    fn axis_direction(&mut self) -> [f32; 3] {
+    pub(super) fn axis_direction(&mut self) -> [f32; 3] {
         let mut direction = [0.0, 0.0, 1.0].map(|x| if self.rng.unit() < 0.5 { x } else { -x });
         direction.rotate_left(self.rng.below(3));
         direction
@@ -206,7 +212,7 @@ impl<'m> RaySource<'m> {
     }
 
     /// The same ray with a range that may end exactly at one of its hits, or begin behind it.
-    fn limited(&mut self, ray: Ray) -> Ray {
+    pub(super) fn limited(&mut self, ray: Ray) -> Ray {
         let mut hits = Vec::new();
         let line = ray.with_range(f32::NEG_INFINITY, f32::INFINITY);
         reference::all_hits(self.mesh, &line, &mut hits);
@@ -226,10 +232,10 @@ impl<'m> RaySource<'m> {
     }
 }
 
-fn between(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
+pub(super) fn between(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
     std::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]))
 }
 
-fn towards(origin: [f32; 3], target: [f32; 3]) -> [f32; 3] {
+pub(super) fn towards(origin: [f32; 3], target: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|axis| target[axis] - origin[axis])
 }

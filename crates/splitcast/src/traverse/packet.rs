@@ -551,7 +551,11 @@ impl Group {
             enter = enter.max(first.min(second));
             leave = leave.min(first.max(second));
         }
-        (!enter.simd_gt(leave)).to_bitmask() as u32
+        let active = self
+            .high
+            .lanes(simd)
+            .simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
+        (!enter.simd_gt(leave) & active).to_bitmask() as u32
     }
 
     /// The axes of the frame that all of some rays share ([`ShearedRay`]).

@@ -15,7 +15,9 @@ use crate::sky::Sky;
 use crate::stage::Stage;
 use crate::surface::{CLAY, PLASTER, Surface, Surfaces};
 use crate::tiles::render_tiles;
-use crate::{Camera, Image, RenderError, RenderOptions, Shading, ToneCurve, View, debug_view};
+use crate::{
+    Camera, Image, Quality, RenderError, RenderOptions, Shading, ToneCurve, View, debug_view,
+};
 
 /// Sine of the lowest sun that still gives light on the ground.
 const LOWEST_SUN: f32 = 0.02;
@@ -64,7 +66,7 @@ impl Renderer {
         let surroundings = Surroundings {
             sky: Sky::new(up, sun, options.ground.then_some(ground::ALBEDO)),
             ground: options.ground.then(|| Ground::new(&stage)),
-            bounces: options.quality.bounces(),
+            detail: options.quality.detail(),
         };
         Ok(Self {
             camera,
@@ -192,14 +194,19 @@ impl Renderer {
         let options = &self.options;
         let size = Vec2::new(options.width as f32, options.height as f32);
         let all = options.effective_samples_per_pixel();
+        let middles = options.quality == Quality::Preview && all == 1;
         // Samples of a pixel follow each other: their rays are the most alike.
         let mut samples = places.iter().enumerate().flat_map(|(pixel, &[x, y])| {
             let points = PixelSamples::new(x, y, all, options.seed);
             let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             numbers.clone().map(move |number| {
                 let sample = Sample { points, number };
-                let place = (middle + tent(sample.point(FILTER))) / size;
-                (pixel, sample, place)
+                let offset = if middles {
+                    Vec2::ZERO
+                } else {
+                    tent(sample.point(FILTER))
+                };
+                (pixel, sample, (middle + offset) / size)
             })
         });
         let mut tracer = Tracer::new(surfaces, &self.surroundings);

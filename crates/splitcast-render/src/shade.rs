@@ -43,8 +43,16 @@ const ALPHA: f32 = ROUGHNESS * ROUGHNESS;
 pub(crate) struct Surroundings {
     pub(crate) sky: Sky,
     pub(crate) ground: Option<Ground>,
-    /// Number of reflections between visible point and light.
-    pub(crate) bounces: u32,
+    pub(crate) detail: Detail,
+}
+
+/// How closely light is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Detail {
+    /// A ray to the sun's middle at every visible point; all else counts as open.
+    Sun,
+    /// Paths with so many reflections between visible point and light.
+    Bounces(u32),
 }
 
 /// Which of the picture's samples a path belongs to.
@@ -132,7 +140,7 @@ impl<'s> Tracer<'s> {
     /// The light that comes back along each of the camera rays, of unit
     /// direction, which belong to `samples`.
     pub(crate) fn radiance(&mut self, rays: &[Ray], samples: &[Sample]) -> Vec<Vec3> {
-        let Surroundings { sky, bounces, .. } = self.surroundings;
+        let Surroundings { sky, detail, .. } = self.surroundings;
         let mut light = vec![Vec3::ZERO; rays.len()];
         let mut places = Vec::with_capacity(rays.len());
         // Of each place: how much of it is lost in haze if it lies on the ground.
@@ -161,7 +169,10 @@ impl<'s> Tracer<'s> {
             });
             hazes.push(haze);
         }
-        let arriving = self.gather(&places, *bounces);
+        let arriving = match *detail {
+            Detail::Sun => self.lit_by_sun(&places),
+            Detail::Bounces(bounces) => self.gather(&places, PATH, bounces),
+        };
         for ((place, haze), arriving) in places.iter().zip(hazes).zip(arriving) {
             let Place { surface, ray, .. } = place;
             let to_eye = -Vec3::from(rays[*ray].direction);
@@ -201,12 +212,23 @@ impl<'s> Tracer<'s> {
         self.surfaces.tree
     }
 
-    /// The light that arrives at places that are seen after `left` fewer
-    /// reflections than allowed.
-    fn gather(&mut self, places: &[Place], left: u32) -> Vec<Arriving> {
-        let surroundings = self.surroundings;
-        let dimension = PATH + 2 * (surroundings.bounces - left);
-        let sun = self.sun_light(places, dimension);
+    /// The light that arrives at places, nothing but the sun hidden.
+    fn lit_by_sun(&mut self, places: &[Place]) -> Vec<Arriving> {
+        let sky = &self.surroundings.sky;
+        let sun = self.sun_light(places, |_| sky.sun());
+        let together = |(place, sun): (&Place, Vec3)| Arriving {
+            sun,
+            around: sky.irradiance(place.surface.normal),
+            open: 1.0,
+        };
+        places.iter().zip(sun).map(together).collect()
+    }
+
+    /// The light that arrives at places behind which there may be `left`
+    /// reflections, with sampling from `dimension` on.
+    fn gather(&mut self, places: &[Place], dimension: u32, left: u32) -> Vec<Arriving> {
+        let sky = &self.surroundings.sky;
+        let sun = self.sun_light(places, |sample| sky.sun_direction(sample.point(dimension)));
         let around = |place: &Place| {
             let Surface { facet, normal, .. } = place.surface;
             let point = place.sample.point(dimension + 1);
@@ -222,7 +244,7 @@ impl<'s> Tracer<'s> {
         };
         let together = |((place, sun), obstruction): ((&Place, Vec3), Obstruction)| Arriving {
             sun,
-            around: surroundings.sky.irradiance(place.surface.normal) + obstruction.difference,
+            around: sky.irradiance(place.surface.normal) + obstruction.difference,
             open: obstruction.open,
         };
         (places.iter().zip(sun).zip(obstructions))
@@ -255,8 +277,8 @@ impl<'s> Tracer<'s> {
         dimension: u32,
         left: u32,
     ) -> Vec<Obstruction> {
-        let surroundings = self.surroundings;
-        let sky = &surroundings.sky;
+        let sky = &self.surroundings.sky;
+        let to_sun = |sample: &Sample| sky.sun_direction(sample.point(dimension));
         let mut obstructions = vec![Obstruction::NONE; rays.len()];
         let (mut on_mesh, mut on_ground) = (Vec::new(), Vec::new());
         for (ray, (met, place)) in self.meet(rays).into_iter().zip(places).enumerate() {
@@ -272,7 +294,7 @@ impl<'s> Tracer<'s> {
                 ray,
             });
         }
-        let in_shadow = self.is_hidden(on_ground.iter(), dimension);
+        let in_shadow = self.is_hidden(on_ground.iter(), to_sun);
         for (place, in_shadow) in on_ground.iter().zip(in_shadow) {
             if in_shadow {
                 let taken = ground::ALBEDO * sky.sun_light() * sky.sun().dot(sky.up());
@@ -280,13 +302,13 @@ impl<'s> Tracer<'s> {
             }
         }
         let there: Vec<Vec3> = if left > 1 {
-            let arriving = self.gather(&on_mesh, left - 1);
+            let arriving = self.gather(&on_mesh, dimension, left - 1);
             arriving
                 .iter()
                 .map(|light| light.sun + light.around)
                 .collect()
         } else {
-            let sun = self.sun_light(&on_mesh, dimension);
+            let sun = self.sun_light(&on_mesh, to_sun);
             (on_mesh.iter().zip(sun))
                 .map(|(place, sun)| sun + sky.irradiance(place.surface.normal) * OPEN_AT_END)
                 .collect()
@@ -299,13 +321,13 @@ impl<'s> Tracer<'s> {
     }
 
     /// The sun's light at places, if nothing stands between. Visibility
-    /// goes by the sampled point of the sun, but light by its middle: the same
+    /// goes by the point of the sun that lies along `to_sun`, but light by its middle: the same
     /// on average, and free of noise where the whole sun is seen.
-    fn sun_light(&mut self, places: &[Place], dimension: u32) -> Vec<Vec3> {
+    fn sun_light(&mut self, places: &[Place], to_sun: impl Fn(&Sample) -> Vec3) -> Vec<Vec3> {
         let sky = &self.surroundings.sky;
         let cosine = |place: &Place| place.surface.normal.dot(sky.sun());
         let faces_sun = |place: &&Place| cosine(place) > 0.0;
-        let mut hidden = (self.is_hidden(places.iter().filter(faces_sun), dimension)).into_iter();
+        let mut hidden = (self.is_hidden(places.iter().filter(faces_sun), to_sun)).into_iter();
         let light = |place| {
             if faces_sun(&place) && hidden.next() == Some(false) {
                 sky.sun_light() * cosine(place)
@@ -316,19 +338,16 @@ impl<'s> Tracer<'s> {
         places.iter().map(light).collect()
     }
 
-    /// Whether something stands between each place and a point of the sun,
-    /// sampled in `dimension`.
+    /// Whether something stands between each place and the point of the sun
+    /// along `to_sun`.
     fn is_hidden<'p>(
         &mut self,
         places: impl Iterator<Item = &'p Place>,
-        dimension: u32,
+        to_sun: impl Fn(&Sample) -> Vec3,
     ) -> Vec<bool> {
-        let sky = &self.surroundings.sky;
-        let to_sun = |place: &Place| {
-            let direction = sky.sun_direction(place.sample.point(dimension));
-            Ray::new(place.surface.start.into(), direction.into())
-        };
-        let rays: Vec<Ray> = places.map(to_sun).collect();
+        let ray =
+            |place: &Place| Ray::new(place.surface.start.into(), to_sun(&place.sample).into());
+        let rays: Vec<Ray> = places.map(ray).collect();
         self.occluded(&rays)
     }
 
@@ -446,7 +465,7 @@ mod tests {
         let surroundings = Surroundings {
             sky: Sky::with_colors(colors, Vec3::Y, Vec3::new(0.6, 0.8, 0.0), None),
             ground: None,
-            bounces,
+            detail: Detail::Bounces(bounces),
         };
         // The vertices of a sphere around the origin are its normals.
         let surfaces = Surfaces {

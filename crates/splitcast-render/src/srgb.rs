@@ -16,6 +16,18 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
+/// Equal parts of the range 0 to 1, a power of two so that dividing is exact,
+/// and small enough that no two bytes are in one.
+const PARTS: usize = 1 << 12;
+
+/// The number of bytes whose linear light is at most that of a part's low end.
+static AT_LOW_END: LazyLock<[u16; PARTS]> = LazyLock::new(|| {
+    std::array::from_fn(|part| {
+        let low = part as f32 / PARTS as f32;
+        LINEAR.partition_point(|&entry| entry <= low) as u16
+    })
+});
+
 /// Linear light, 0 to 1, of an sRGB colour.
 pub(crate) fn decode(bytes: [u8; 3]) -> [f32; 3] {
     bytes.map(|byte| LINEAR[usize::from(byte)])
@@ -30,17 +42,16 @@ pub(crate) fn encode(linear: f32) -> u8 {
 /// One of the two bytes around `linear`: the upper one from `threshold`, 0 to
 /// 1, of the way between them in linear light.
 pub(crate) fn encode_at(linear: f32, threshold: f32) -> u8 {
-    let table = &*LINEAR;
-    let above = table.partition_point(|&entry| entry <= linear);
-    match above {
-        0 => 0,
-        256 => 255,
-        _ => {
-            let (low, high) = (table[above - 1], table[above]);
-            let upper = linear - low >= threshold * (high - low);
-            (if upper { above } else { above - 1 }) as u8
-        }
+    if linear >= 1.0 {
+        return 255;
     }
+    // Negative values and NaN are in the first part.
+    let linear = linear.max(0.0);
+    let table = &*LINEAR;
+    let at_least = usize::from(AT_LOW_END[(linear * PARTS as f32) as usize]) - 1;
+    let below = at_least + usize::from(table[at_least + 1] <= linear);
+    let (low, high) = (table[below], table[below + 1]);
+    (below + usize::from(linear - low >= threshold * (high - low))) as u8
 }
 
 #[cfg(test)]
@@ -73,6 +84,17 @@ mod tests {
         // 0.2140 is the linear light of a signal of one half.
         assert_eq!(encode(0.2140), 127);
         assert_eq!(encode(0.2159), 128);
+    }
+
+    #[test]
+    fn a_value_lies_between_the_bytes_around_it() {
+        for step in 0..1 << 20 {
+            let linear = step as f32 / (1 << 20) as f32;
+            let above = LINEAR.partition_point(|&entry| entry <= linear);
+            // No value is at least 2 ways from one byte to the next, and each at least 0.
+            assert_eq!(usize::from(encode_at(linear, 2.0)), above - 1, "{linear}");
+            assert_eq!(usize::from(encode_at(linear, 0.0)), above, "{linear}");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@
 //! same way through the tree, and are traced together.
 
 use glam::{Vec2, Vec3};
-use splitcast::{Hit, KdTree, Ray};
+use splitcast::{KdTree, Ray};
 
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, cosine_hemisphere};
@@ -145,30 +145,25 @@ impl<'s> Tracer<'s> {
         let mut places = Vec::with_capacity(rays.len());
         // Of each place: how much of it is lost in haze if it lies on the ground.
         let mut hazes = Vec::with_capacity(rays.len());
-        for (index, met) in self.meet(rays).into_iter().enumerate() {
-            let backdrop = || sky.backdrop(rays[index].direction.into());
+        self.meet(rays, |ray, met| {
+            if !matches!(met, Met::Mesh(_)) {
+                light[ray] = sky.backdrop(rays[ray].direction.into());
+            }
             let (surface, haze) = match met {
                 Met::Mesh(surface) => (surface, None),
-                Met::Ground(ground, point) => {
-                    light[index] = backdrop();
-                    let haze = ground.haze(point);
-                    if haze >= 1.0 {
-                        continue;
-                    }
-                    (ground.surface(point), Some(haze))
-                }
-                Met::Nothing => {
-                    light[index] = backdrop();
-                    continue;
-                }
+                Met::Ground(ground, point) => (ground.surface(point), Some(ground.haze(point))),
+                Met::Nothing => return,
             };
-            places.push(Place {
-                surface,
-                sample: samples[index],
-                ray: index,
-            });
-            hazes.push(haze);
-        }
+            if haze.is_none_or(|haze| haze < 1.0) {
+                let sample = samples[ray];
+                places.push(Place {
+                    surface,
+                    sample,
+                    ray,
+                });
+                hazes.push(haze);
+            }
+        });
         let arriving = match *detail {
             Detail::Sun => self.lit_by_sun(&places),
             Detail::Bounces(bounces) => self.gather(&places, PATH, bounces),
@@ -281,19 +276,19 @@ impl<'s> Tracer<'s> {
         let to_sun = |sample: &Sample| sky.sun_direction(sample.point(dimension));
         let mut obstructions = vec![Obstruction::NONE; rays.len()];
         let (mut on_mesh, mut on_ground) = (Vec::new(), Vec::new());
-        for (ray, (met, place)) in self.meet(rays).into_iter().zip(places).enumerate() {
-            let sample = place.sample;
-            let (places, surface) = match met {
-                Met::Nothing => continue,
+        self.meet(rays, |ray, met| {
+            let (found, surface) = match met {
+                Met::Nothing => return,
                 Met::Ground(ground, point) => (&mut on_ground, ground.surface(point)),
                 Met::Mesh(surface) => (&mut on_mesh, surface),
             };
-            places.push(Place {
+            let sample = places[ray].sample;
+            found.push(Place {
                 surface,
                 sample,
                 ray,
             });
-        }
+        });
         let in_shadow = self.is_hidden(on_ground.iter(), to_sun);
         for (place, in_shadow) in on_ground.iter().zip(in_shadow) {
             if in_shadow {
@@ -359,28 +354,29 @@ impl<'s> Tracer<'s> {
         occluded
     }
 
-    /// What rays of unit direction meet first.
-    fn meet(&mut self, rays: &[Ray]) -> Vec<Met<'s>> {
+    /// Tells `met` the number of each ray of unit direction, in order, and what it meets first.
+    fn meet(&mut self, rays: &[Ray], mut met: impl FnMut(usize, Met<'s>)) {
         self.rays += rays.len() as u64;
         let mut hits = vec![None; rays.len()];
         self.tree().closest_hits(rays, &mut hits);
-        let ground = self.surroundings.ground.as_ref();
-        let meet = |(ray, hit): (&Ray, Option<Hit>)| {
+        for (index, (ray, hit)) in rays.iter().zip(hits).enumerate() {
             let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
-            let on_ground = ground.and_then(|ground| {
+            let on_ground = self.surroundings.ground.as_ref().and_then(|ground| {
                 let t = ground.intersect(origin, direction)?;
                 Some((ground, t))
             });
-            match (hit, on_ground) {
-                (Some(hit), None) => Met::Mesh(self.surfaces.at(&hit, direction)),
-                (Some(hit), Some((_, t))) if hit.t <= t => {
-                    Met::Mesh(self.surfaces.at(&hit, direction))
-                }
-                (_, Some((ground, t))) => Met::Ground(ground, origin + direction * t),
-                (None, None) => Met::Nothing,
-            }
-        };
-        rays.iter().zip(hits).map(meet).collect()
+            // One call, so that it is inlined and nothing goes through memory.
+            met(
+                index,
+                match (hit, on_ground) {
+                    (Some(hit), on_ground) if on_ground.is_none_or(|(_, t)| hit.t <= t) => {
+                        Met::Mesh(self.surfaces.at(&hit, direction))
+                    }
+                    (_, Some((ground, t))) => Met::Ground(ground, origin + direction * t),
+                    (_, None) => Met::Nothing,
+                },
+            );
+        }
     }
 }
 

@@ -217,9 +217,10 @@ impl Renderer {
                 batch.pixels.push(pixel);
                 batch.samples.push(sample);
                 batch.places.push(place);
-                let ray = self.camera.ray(place.into(), size.x / size.y);
-                batch.rays.push(ray);
             }
+            let places = batch.places.iter();
+            let rays = places.map(|&place| self.camera.ray(place.into(), size.x / size.y));
+            batch.rays.extend(rays);
             if batch.pixels.is_empty() {
                 return tracer.rays;
             }

@@ -89,6 +89,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     let place = |index| input.place(index);
     let places: Vec<String> = visited.iter().map(|&index| place(index)).collect();
     let mut finished = None;
+    let frames_started = Instant::now();
     for (item, place) in Prefetch::new(input.source, visited).zip(places) {
         let rendered = item.map_err(CliError::from).and_then(|(index, frame)| {
             if todo.binary_search(&index).is_err() {
@@ -111,7 +112,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
     }
     hand_over(&mut writer, finished)?;
     progress.finish();
-    writer.finish()?;
+    for (report, times) in reports.iter_mut().zip(writer.finish()?) {
+        report.tone_map_ms = milliseconds(times.tone_map);
+        report.write_ms = milliseconds(times.write);
+    }
 
     let report = Report {
         input: name,
@@ -126,6 +130,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), CliError> {
         samples_per_pixel: renderer.options().effective_samples_per_pixel(),
         frames_per_second: output.frames_per_second,
         wall_ms: milliseconds(started.elapsed()),
+        frames_ms: milliseconds(frames_started.elapsed()),
         resumed_frames: resumed.whole,
         frames: reports,
     };
@@ -263,6 +268,9 @@ fn render_frame(
         skipped_triangles: tree.skipped_triangles(),
         build_ms: milliseconds(built - started),
         trace_ms: milliseconds(traced - tracing),
+        // Known when it is written.
+        tone_map_ms: 0.0,
+        write_ms: 0.0,
         rays: stats.rays,
         nodes: tree_stats.nodes,
         references: tree_stats.references,

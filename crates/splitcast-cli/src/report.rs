@@ -27,6 +27,8 @@ pub(crate) struct Report {
     pub(crate) frames_per_second: f64,
     /// Time from start to end, reading and encoding included.
     pub(crate) wall_ms: f64,
+    /// Time from the first frame, which may still be read, to the complete output.
+    pub(crate) frames_ms: f64,
     /// Frames that an earlier run had finished; they are not in `frames`.
     pub(crate) resumed_frames: Vec<usize>,
     /// The frames that were rendered, in order.
@@ -45,6 +47,10 @@ pub(crate) struct FrameReport {
     pub(crate) build_ms: f64,
     /// Time to trace and shade the picture.
     pub(crate) trace_ms: f64,
+    /// Time to bring it to the display's bytes, while another is traced.
+    pub(crate) tone_map_ms: f64,
+    /// Time to encode and store it, while others are traced.
+    pub(crate) write_ms: f64,
     /// Rays of all kinds.
     pub(crate) rays: u64,
     /// Nodes of the tree.

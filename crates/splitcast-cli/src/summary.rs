@@ -37,6 +37,7 @@ pub(crate) fn summary(report: &Report) -> String {
         let cell = |value: f64| format!("{} {unit}", figure(value));
         rows.push(vec![
             name.to_owned(),
+            cell(values.iter().sum::<f64>() / values.len() as f64),
             cell(median(&values)),
             cell(values[0]),
             cell(values[values.len() - 1]),
@@ -46,14 +47,26 @@ pub(crate) fn summary(report: &Report) -> String {
     row("trace", &|frame| frame.trace_ms, "ms");
     row("total", &|frame| frame.build_ms + frame.trace_ms, "ms");
     row("rays/s", &|frame| megarays(frame), "M");
+    row("tone map", &|frame| frame.tone_map_ms, "ms");
+    row("write", &|frame| frame.write_ms, "ms");
     text.push_str(&table::layout(
         &[
             ("per frame", Left),
+            ("mean", Right),
             ("median", Right),
             ("least", Right),
             ("most", Right),
         ],
         &rows,
+    ));
+    let per_second = |milliseconds: f64| figure(1e3 * frames.len() as f64 / milliseconds);
+    let busy: f64 = (frames.iter())
+        .map(|frame| frame.build_ms + frame.trace_ms)
+        .sum();
+    text.push_str(&format!(
+        "{} frames/s built and traced, {} frames/s until all were written\n",
+        per_second(busy),
+        per_second(report.frames_ms)
     ));
     let wall = std::time::Duration::from_secs_f64(report.wall_ms / 1e3);
     text.push_str(&format!(

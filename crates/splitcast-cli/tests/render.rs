@@ -244,7 +244,10 @@ fn the_report_holds_every_frame() {
             "r.json",
         ])
         .success();
-    for word in ["build", "trace", "total", "median", "2 frames", "sweep"] {
+    for word in [
+        "build", "trace", "total", "tone map", "write", "mean", "median", "frames/s", "2 frames",
+        "sweep",
+    ] {
         assert!(outcome.stdout.contains(word), "{word}: {}", outcome.stdout);
     }
     assert!(
@@ -267,6 +270,8 @@ fn the_report_holds_every_frame() {
         for field in [
             "build_ms",
             "trace_ms",
+            "tone_map_ms",
+            "write_ms",
             "rays",
             "nodes",
             "references",
@@ -276,6 +281,7 @@ fn the_report_holds_every_frame() {
             assert!(frame[field].as_f64().unwrap() > 0.0, "{field}: {frame}");
         }
     }
+    assert!(report["frames_ms"].as_f64() < report["wall_ms"].as_f64());
     assert_eq!(report["width"], 32);
     assert_eq!(report["builder"], "sweep");
 }

@@ -46,7 +46,7 @@ impl Estimate {
     /// Adds a sample that `curve` will bring to the display.
     pub(crate) fn add(&mut self, sample: Vec3, curve: ToneCurve) {
         self.sum = (Vec3::from(self.sum) + sample).into();
-        let shown = curve.apply(sample.into()).map(srgb::encode);
+        let shown = srgb::encode(curve.apply(sample.into()));
         self.widen(shown, shown);
     }
 

@@ -4,6 +4,7 @@
 use glam::Vec3;
 
 use crate::stage::Stage;
+use crate::surface::Surface;
 
 /// Share of light that the ground reflects: pale sand.
 pub(crate) const ALBEDO: Vec3 = Vec3::new(0.51, 0.44, 0.345);
@@ -15,6 +16,7 @@ const HAZE: (f32, f32) = (2.0, 24.0);
 /// A horizontal plane under the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ground {
+    /// Up, of unit length: the ground's normal.
     up: Vec3,
     /// Coordinate of the plane along up.
     height: f32,
@@ -37,17 +39,23 @@ impl Ground {
         }
     }
 
-    /// Up, of unit length: the ground's normal.
-    pub(crate) fn up(&self) -> Vec3 {
-        self.up
-    }
-
     /// The distance at which a ray comes down on the ground.
     pub(crate) fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
         let (above, descent) = (origin.dot(self.up) - self.height, -direction.dot(self.up));
         (above > 0.0 && descent > 0.0)
             .then(|| above / descent)
             .filter(|t| t.is_finite())
+    }
+
+    /// The ground at `point`.
+    pub(crate) fn surface(&self, point: Vec3) -> Surface {
+        Surface {
+            position: point,
+            start: point,
+            facet: self.up,
+            normal: self.up,
+            albedo: ALBEDO,
+        }
     }
 
     /// How much of the ground has turned to haze at `point`: 0 to 1, smooth.

@@ -72,7 +72,7 @@ pub use options::{
 };
 pub use output::{
     FrameSink, OutputError, OutputFormat, OutputOptions, OutputSpec, OutputThread, Resumed,
-    Settings, check_writable, encode_png,
+    Settings, WriteTimes, check_writable, encode_png,
 };
 pub use renderer::{RenderStats, Renderer};
 pub use tone_map::{ToneCurve, to_srgb8};

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::RenderError;
+use crate::shade::Detail;
 
 /// Longest side of a picture: what AV1 and most picture formats can hold.
 pub const MAX_SIDE: u32 = 65_535;
@@ -60,6 +61,10 @@ macro_rules! named {
 /// How much light is traced for a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
+    /// One sample in the middle of each pixel, and one ray from there to the sun, whose shadows are
+    /// hard; sky and ground light every surface as if nothing stood between. For playing a motion at
+    /// its own speed.
+    Preview,
     /// Up to 4 samples a pixel; light that surfaces pass on to each other is a
     /// constant. For looking at a motion.
     Draft,
@@ -70,25 +75,26 @@ pub enum Quality {
     Best,
 }
 
-named!(Quality, "quality", Draft => "draft", Good => "good", Best => "best");
+named!(Quality, "quality", Preview => "preview", Draft => "draft", Good => "good", Best => "best");
 
 impl Quality {
     /// Samples per pixel, unless the options say otherwise.
     pub fn samples_per_pixel(self) -> u32 {
         match self {
+            Self::Preview => 1,
             Self::Draft => 4,
             Self::Good => 16,
             Self::Best => 64,
         }
     }
 
-    /// How often light that reaches a visible point may have been reflected
-    /// by another one.
-    pub(crate) fn bounces(self) -> u32 {
+    /// How closely it looks at light.
+    pub(crate) fn detail(self) -> Detail {
         match self {
-            Self::Draft => 0,
-            Self::Good => 1,
-            Self::Best => 2,
+            Self::Preview => Detail::Sun,
+            Self::Draft => Detail::Bounces(0),
+            Self::Good => Detail::Bounces(1),
+            Self::Best => Detail::Bounces(2),
         }
     }
 }

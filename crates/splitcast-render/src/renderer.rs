@@ -10,15 +10,20 @@ use splitcast_scene::{Frame, vertex_normals};
 use crate::adaptive::{Estimate, first_samples, is_uneven};
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, tent};
-use crate::shade::{FILTER, Surroundings, Tracer};
+use crate::shade::{FILTER, Sample, Surroundings, Tracer};
 use crate::sky::Sky;
 use crate::stage::Stage;
 use crate::surface::{CLAY, PLASTER, Surface, Surfaces};
 use crate::tiles::render_tiles;
-use crate::{Camera, Image, RenderError, RenderOptions, Shading, ToneCurve, View, debug_view};
+use crate::{
+    Camera, Image, Quality, RenderError, RenderOptions, Shading, ToneCurve, View, debug_view,
+};
 
 /// Sine of the lowest sun that still gives light on the ground.
 const LOWEST_SUN: f32 = 0.02;
+
+/// Samples that are taken together: the paths of as many fit into a core's cache.
+const BATCH: usize = 1024;
 
 /// What a picture took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -61,7 +66,7 @@ impl Renderer {
         let surroundings = Surroundings {
             sky: Sky::new(up, sun, options.ground.then_some(ground::ALBEDO)),
             ground: options.ground.then(|| Ground::new(&stage)),
-            bounces: options.quality.bounces(),
+            detail: options.quality.detail(),
         };
         Ok(Self {
             camera,
@@ -108,33 +113,65 @@ impl Renderer {
                 _ => CLAY,
             },
         };
-        let &RenderOptions { width, height, .. } = options;
-        let tracer = || Tracer::new(surfaces, &self.surroundings);
-        let samples = options.effective_samples_per_pixel();
-        let first_samples = first_samples(samples);
-        let (first, mut tracers) = render_tiles(width, height, tracer, |tracer, x, y| {
-            self.sample_pixel(tracer, Estimate::default(), [x, y], 0..first_samples)
-        });
-        let (pixels, rest) = render_tiles(width, height, tracer, |tracer, x, y| {
-            let estimate = first[y as usize * width as usize + x as usize];
-            let (estimate, taken) = if is_uneven(&first, width, x, y) {
-                let rest = first_samples..samples;
-                (self.sample_pixel(tracer, estimate, [x, y], rest), samples)
-            } else {
-                (estimate, first_samples)
-            };
-            (estimate.sum() / taken as f32).max(Vec3::ZERO).into()
-        });
-        tracers.extend(rest);
+        let (pixels, rays) = self.pixels(surfaces);
         let mut image = Image {
-            width,
-            height,
+            width: options.width,
+            height: options.height,
             pixels,
             tone_curve: self.tone_curve(),
         };
         debug_view::draw_legend(&mut image, tree, options);
-        let rays = tracers.iter().map(|tracer| tracer.rays).sum();
         Ok((image, RenderStats { rays }))
+    }
+
+    /// The picture's pixels, row by row, and the number of rays that took.
+    fn pixels(&self, surfaces: Surfaces<'_>) -> (Vec<[f32; 3]>, u64) {
+        let &RenderOptions { width, height, .. } = &self.options;
+        let tone_curve = self.tone_curve();
+        let samples = self.options.effective_samples_per_pixel();
+        let first_samples = first_samples(samples);
+        let mean = |sum: Vec3, taken: u32| (sum / taken as f32).max(Vec3::ZERO).into();
+        if first_samples == samples {
+            return render_tiles(width, height, |places, pixels| {
+                let mut sums = vec![Vec3::ZERO; places.len()];
+                let rays = self.take_samples(surfaces, places, 0..samples, |pixel, color| {
+                    sums[pixel] += color;
+                });
+                for (pixel, sum) in pixels.iter_mut().zip(sums) {
+                    *pixel = mean(sum, samples);
+                }
+                rays
+            });
+        }
+        let (first, first_rays) =
+            render_tiles(width, height, |places, estimates: &mut [Estimate]| {
+                self.take_samples(surfaces, places, 0..first_samples, |pixel, color| {
+                    estimates[pixel].add(color, tone_curve);
+                })
+            });
+        let (pixels, rest_rays) = render_tiles(width, height, |places, pixels| {
+            let estimate = |[x, y]: [u32; 2]| first[y as usize * width as usize + x as usize];
+            let (mut uneven, mut of_pixel, mut sums) = (Vec::new(), Vec::new(), Vec::new());
+            for (pixel, &[x, y]) in places.iter().enumerate() {
+                let sum = estimate([x, y]).sum();
+                if is_uneven(&first, width, x, y) {
+                    uneven.push([x, y]);
+                    of_pixel.push(pixel);
+                    sums.push(sum);
+                } else {
+                    pixels[pixel] = mean(sum, first_samples);
+                }
+            }
+            let rest = first_samples..samples;
+            let rays = self.take_samples(surfaces, &uneven, rest, |pixel, color| {
+                sums[pixel] += color;
+            });
+            for (pixel, sum) in of_pixel.into_iter().zip(sums) {
+                pixels[pixel] = mean(sum, samples);
+            }
+            rays
+        });
+        (pixels, first_rays + rest_rays)
     }
 
     /// How the picture is brought to a display.
@@ -145,72 +182,117 @@ impl Renderer {
         }
     }
 
-    /// Adds the given samples of a pixel to its estimate.
-    fn sample_pixel(
+    /// Takes the given samples of the pixels at `places`, and gives each to
+    /// `add` with the number of its pixel, those of a pixel in their order. Returns the number of rays.
+    fn take_samples(
         &self,
-        tracer: &mut Tracer<'_>,
-        mut estimate: Estimate,
-        [x, y]: [u32; 2],
-        samples: Range<u32>,
-    ) -> Estimate {
+        surfaces: Surfaces<'_>,
+        places: &[[u32; 2]],
+        numbers: Range<u32>,
+        mut add: impl FnMut(usize, Vec3),
+    ) -> u64 {
         let options = &self.options;
         let size = Vec2::new(options.width as f32, options.height as f32);
-        let points = PixelSamples::new(x, y, options.effective_samples_per_pixel(), options.seed);
-        let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-        let tree = tracer.tree();
-        for sample in samples {
-            let place = (middle + tent(points.point(sample, FILTER))) / size;
-            let ray = self.camera.ray(place.into(), size.x / size.y);
-            let color = match options.view {
-                View::Beauty => self.light(tracer, &ray, &points, sample),
-                View::SplitPlanes => self
-                    .split_line(tracer, &ray, place)
-                    .unwrap_or_else(|| self.light(tracer, &ray, &points, sample)),
-                View::Steps => {
-                    let (_, counts) = tracer.mesh_along(&ray);
-                    debug_view::steps_color(counts.nodes + counts.blocks, options)
-                }
-                View::LeafDepth => self.data_color(tracer, &ray, |surface| {
-                    let depth = debug_view::leaf_depth(tree, surface.position);
-                    let color = debug_view::depth_color(depth, tree);
-                    debug_view::shaded(color, surface, ray.direction.into())
-                }),
-                View::Normals => self.data_color(tracer, &ray, |surface| {
-                    debug_view::normal_color(surface.normal)
-                }),
-            };
-            estimate.add(color, self.tone_curve());
+        let all = options.effective_samples_per_pixel();
+        let middles = options.quality == Quality::Preview && all == 1;
+        // Samples of a pixel follow each other: their rays are the most alike.
+        let mut samples = places.iter().enumerate().flat_map(|(pixel, &[x, y])| {
+            let points = PixelSamples::new(x, y, all, options.seed);
+            let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            numbers.clone().map(move |number| {
+                let sample = Sample { points, number };
+                let offset = if middles {
+                    Vec2::ZERO
+                } else {
+                    tent(sample.point(FILTER))
+                };
+                (pixel, sample, (middle + offset) / size)
+            })
+        });
+        let mut tracer = Tracer::new(surfaces, &self.surroundings);
+        let mut batch = Batch::default();
+        loop {
+            batch.clear();
+            for (pixel, sample, place) in samples.by_ref().take(BATCH) {
+                batch.pixels.push(pixel);
+                batch.samples.push(sample);
+                batch.places.push(place);
+            }
+            let places = batch.places.iter();
+            let rays = places.map(|&place| self.camera.ray(place.into(), size.x / size.y));
+            batch.rays.extend(rays);
+            if batch.pixels.is_empty() {
+                return tracer.rays;
+            }
+            let colors = self.colors(&mut tracer, &batch);
+            for (&pixel, color) in batch.pixels.iter().zip(colors) {
+                add(pixel, color);
+            }
         }
-        estimate
+    }
+
+    /// The colors of samples.
+    fn colors(&self, tracer: &mut Tracer<'_>, batch: &Batch) -> Vec<Vec3> {
+        let options = &self.options;
+        let Batch { samples, rays, .. } = batch;
+        let tree = tracer.tree();
+        match options.view {
+            View::Beauty => self.light(tracer, rays, samples),
+            View::SplitPlanes => {
+                let surfaces = tracer.mesh_along(rays);
+                let lines = surfaces.iter().zip(rays).zip(&batch.places);
+                let lines: Vec<_> = lines
+                    .map(|((surface, ray), &place)| {
+                        self.split_line(tree, surface.as_ref()?, ray, place)
+                    })
+                    .collect();
+                let beside = |index: &usize| lines[*index].is_none();
+                let (rays, samples): (Vec<_>, Vec<_>) = (0..rays.len())
+                    .filter(beside)
+                    .map(|index| (rays[index], samples[index]))
+                    .unzip();
+                let mut light = self.light(tracer, &rays, &samples).into_iter();
+                (lines.iter())
+                    .filter_map(|line| line.or_else(|| light.next()))
+                    .collect()
+            }
+            View::Steps => {
+                let steps = tracer.steps_along(rays).into_iter();
+                steps
+                    .map(|steps| debug_view::steps_color(steps, options))
+                    .collect()
+            }
+            View::LeafDepth => data_colors(tracer, rays, |surface, direction| {
+                let depth = debug_view::leaf_depth(tree, surface.position);
+                let color = debug_view::depth_color(depth, tree);
+                debug_view::shaded(color, surface, direction)
+            }),
+            View::Normals => data_colors(tracer, rays, |surface, _| {
+                debug_view::normal_color(surface.normal)
+            }),
+        }
     }
 
     /// Light from the scene, as bright as the exposure makes it.
-    fn light(
-        &self,
-        tracer: &mut Tracer<'_>,
-        ray: &Ray,
-        points: &PixelSamples,
-        sample: u32,
-    ) -> Vec3 {
-        tracer.radiance(ray, points, sample) * self.options.exposure.exp2()
+    fn light(&self, tracer: &mut Tracer<'_>, rays: &[Ray], samples: &[Sample]) -> Vec<Vec3> {
+        let brightness = self.options.exposure.exp2();
+        let mut light = tracer.radiance(rays, samples);
+        for light in &mut light {
+            *light *= brightness;
+        }
+        light
     }
 
-    /// What `color` makes of the mesh along the ray, or the background.
-    fn data_color(
+    /// The line that a split plane draws on the mesh where the ray through
+    /// `place` of the picture meets it.
+    fn split_line(
         &self,
-        tracer: &mut Tracer<'_>,
+        tree: &KdTree<'_>,
+        surface: &Surface,
         ray: &Ray,
-        color: impl Fn(&Surface) -> Vec3,
-    ) -> Vec3 {
-        let (surface, _) = tracer.mesh_along(ray);
-        surface.map_or(debug_view::BACKGROUND, |surface| color(&surface))
-    }
-
-    /// The line that a split plane draws where the ray through `place` of the
-    /// picture meets the mesh.
-    fn split_line(&self, tracer: &mut Tracer<'_>, ray: &Ray, place: Vec2) -> Option<Vec3> {
+        place: Vec2,
+    ) -> Option<Vec3> {
         let options = &self.options;
-        let surface = tracer.mesh_along(ray).0?;
         let eye = Vec3::from(ray.origin);
         let size = Vec2::new(options.width as f32, options.height as f32);
         let distance = (surface.position - eye).dot(surface.facet);
@@ -223,13 +305,49 @@ impl Renderer {
             eye + direction * (distance / direction.dot(surface.facet)) - surface.position
         });
         debug_view::split_line(
-            tracer.tree(),
+            tree,
             surface.position,
             steps,
             options.split_levels,
             options.height,
         )
     }
+}
+
+/// Samples that are taken together.
+#[derive(Default)]
+struct Batch {
+    /// The number of each sample's pixel among those that are sampled.
+    pixels: Vec<usize>,
+    samples: Vec<Sample>,
+    /// Where in the picture they lie.
+    places: Vec<Vec2>,
+    /// The camera's rays through these places.
+    rays: Vec<Ray>,
+}
+
+impl Batch {
+    fn clear(&mut self) {
+        self.pixels.clear();
+        self.samples.clear();
+        self.places.clear();
+        self.rays.clear();
+    }
+}
+
+/// What `color` makes of the mesh along each ray and of the ray's direction, or the background.
+fn data_colors(
+    tracer: &mut Tracer<'_>,
+    rays: &[Ray],
+    color: impl Fn(&Surface, Vec3) -> Vec3,
+) -> Vec<Vec3> {
+    let surfaces = tracer.mesh_along(rays).into_iter().zip(rays);
+    let color = |(surface, ray): (Option<Surface>, &Ray)| {
+        surface.map_or(debug_view::BACKGROUND, |surface| {
+            color(&surface, ray.direction.into())
+        })
+    };
+    surfaces.map(color).collect()
 }
 
 fn check_frame(tree: &KdTree<'_>, frame: &Frame) -> Result<(), RenderError> {

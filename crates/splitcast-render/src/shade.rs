@@ -6,9 +6,13 @@
 //! ground (a control variate), which is nothing for most rays. Where it meets
 //! mesh or ground in shadow, the light there is found in the same way, as
 //! often as the quality allows.
+//!
+//! Many paths are followed at once, a step of all of them before the next
+//! step: the rays of a step that start at neighbouring pixels take much the
+//! same way through the tree, and are traced together.
 
 use glam::{Vec2, Vec3};
-use splitcast::{KdTree, Ray, TraversalCounts};
+use splitcast::{KdTree, Ray};
 
 use crate::ground::{self, Ground};
 use crate::sampling::{PixelSamples, cosine_hemisphere};
@@ -39,8 +43,31 @@ const ALPHA: f32 = ROUGHNESS * ROUGHNESS;
 pub(crate) struct Surroundings {
     pub(crate) sky: Sky,
     pub(crate) ground: Option<Ground>,
-    /// Number of reflections between visible point and light.
-    pub(crate) bounces: u32,
+    pub(crate) detail: Detail,
+}
+
+/// How closely light is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Detail {
+    /// A ray to the sun's middle at every visible point; all else counts as open.
+    Sun,
+    /// Paths with so many reflections between visible point and light.
+    Bounces(u32),
+}
+
+/// Which of the picture's samples a path belongs to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sample {
+    pub(crate) points: PixelSamples,
+    /// Its number among those of the pixel.
+    pub(crate) number: u32,
+}
+
+impl Sample {
+    /// The sample's point in `dimension`.
+    pub(crate) fn point(&self, dimension: u32) -> Vec2 {
+        self.points.point(self.number, dimension)
+    }
 }
 
 /// Follows the rays of one tile.
@@ -53,10 +80,18 @@ pub(crate) struct Tracer<'s> {
 }
 
 /// What a ray meets first.
-enum Met {
+enum Met<'s> {
     Mesh(Surface),
-    Ground(Vec3),
+    Ground(&'s Ground, Vec3),
     Nothing,
+}
+
+/// A point of a path that light is to be found at.
+struct Place {
+    surface: Surface,
+    sample: Sample,
+    /// The ray that has met it.
+    ray: usize,
 }
 
 /// Light that arrives at a point, on a white surface.
@@ -66,6 +101,30 @@ struct Arriving {
     around: Vec3,
     /// Share of the surroundings that is open.
     open: f32,
+}
+
+/// How the surroundings of a point differ from open sky and ground.
+#[derive(Clone, Copy, Debug)]
+struct Obstruction {
+    /// What it adds to their light.
+    difference: Vec3,
+    /// Share of the surroundings that is open.
+    open: f32,
+}
+
+impl Obstruction {
+    const NONE: Self = Self {
+        difference: Vec3::ZERO,
+        open: 1.0,
+    };
+
+    /// Something that changes the light by `difference` and hides what is behind it.
+    fn by(difference: Vec3) -> Self {
+        Self {
+            difference,
+            open: 0.0,
+        }
+    }
 }
 
 impl<'s> Tracer<'s> {
@@ -78,47 +137,69 @@ impl<'s> Tracer<'s> {
         }
     }
 
-    /// The light that comes back along a camera ray of unit direction.
-    pub(crate) fn radiance(&mut self, ray: &Ray, points: &PixelSamples, sample: u32) -> Vec3 {
-        let Surroundings {
-            sky,
-            ground,
-            bounces,
-        } = self.surroundings;
-        let direction = Vec3::from(ray.direction);
-        match self.meet(ray) {
-            Met::Mesh(surface) => {
-                let arriving = self.gather(
-                    surface.start,
-                    surface.facet,
-                    surface.normal,
-                    points,
+    /// The light that comes back along each of the camera rays, of unit
+    /// direction, which belong to `samples`.
+    pub(crate) fn radiance(&mut self, rays: &[Ray], samples: &[Sample]) -> Vec<Vec3> {
+        let Surroundings { sky, detail, .. } = self.surroundings;
+        let mut light = vec![Vec3::ZERO; rays.len()];
+        let mut places = Vec::with_capacity(rays.len());
+        // Of each place: how much of it is lost in haze if it lies on the ground.
+        let mut hazes = Vec::with_capacity(rays.len());
+        self.meet(rays, |ray, met| {
+            if !matches!(met, Met::Mesh(_)) {
+                light[ray] = sky.backdrop(rays[ray].direction.into());
+            }
+            let (surface, haze) = match met {
+                Met::Mesh(surface) => (surface, None),
+                Met::Ground(ground, point) => (ground.surface(point), Some(ground.haze(point))),
+                Met::Nothing => return,
+            };
+            if haze.is_none_or(|haze| haze < 1.0) {
+                let sample = samples[ray];
+                places.push(Place {
+                    surface,
                     sample,
-                    *bounces,
-                );
-                reflect(sky, &surface, -direction, &arriving)
+                    ray,
+                });
+                hazes.push(haze);
             }
-            Met::Ground(point) => {
-                let ground = ground.expect("the ground was met");
-                let haze = ground.haze(point);
-                let backdrop = sky.backdrop(direction);
-                if haze >= 1.0 {
-                    return backdrop;
+        });
+        let arriving = match *detail {
+            Detail::Sun => self.lit_by_sun(&places),
+            Detail::Bounces(bounces) => self.gather(&places, PATH, bounces),
+        };
+        for ((place, haze), arriving) in places.iter().zip(hazes).zip(arriving) {
+            let Place { surface, ray, .. } = place;
+            let to_eye = -Vec3::from(rays[*ray].direction);
+            light[*ray] = match haze {
+                None => reflect(sky, surface, to_eye, &arriving),
+                Some(haze) => {
+                    (surface.albedo * (arriving.sun + arriving.around)).lerp(light[*ray], haze)
                 }
-                let up = ground.up();
-                let arriving = self.gather(point, up, up, points, sample, *bounces);
-                (ground::ALBEDO * (arriving.sun + arriving.around)).lerp(backdrop, haze)
-            }
-            Met::Nothing => sky.backdrop(direction),
+            };
         }
+        light
     }
 
-    /// The mesh where a ray of unit direction meets it, and the work that took.
-    pub(crate) fn mesh_along(&mut self, ray: &Ray) -> (Option<Surface>, TraversalCounts) {
-        self.rays += 1;
-        let (hit, counts) = self.tree().closest_hit_counted(ray);
-        let surface = hit.map(|hit| self.surfaces.at(&hit, ray.direction.into()));
-        (surface, counts)
+    /// The mesh where rays of unit direction meet it.
+    pub(crate) fn mesh_along(&mut self, rays: &[Ray]) -> Vec<Option<Surface>> {
+        self.rays += rays.len() as u64;
+        let mut hits = vec![None; rays.len()];
+        self.tree().closest_hits(rays, &mut hits);
+        let at = |(ray, hit): (&Ray, Option<_>)| {
+            hit.map(|hit| self.surfaces.at(&hit, ray.direction.into()))
+        };
+        rays.iter().zip(hits).map(at).collect()
+    }
+
+    /// How many nodes and blocks of the tree each ray visits on its way to the mesh.
+    pub(crate) fn steps_along(&mut self, rays: &[Ray]) -> Vec<u32> {
+        self.rays += rays.len() as u64;
+        let steps = |ray| {
+            let (_, counts) = self.tree().closest_hit_counted(ray);
+            counts.nodes + counts.blocks
+        };
+        rays.iter().map(steps).collect()
     }
 
     /// The tree that rays go through.
@@ -126,114 +207,175 @@ impl<'s> Tracer<'s> {
         self.surfaces.tree
     }
 
-    /// The light that arrives at a point that is seen after `left` fewer
-    /// reflections than allowed.
-    fn gather(
-        &mut self,
-        start: Vec3,
-        facet: Vec3,
-        normal: Vec3,
-        points: &PixelSamples,
-        sample: u32,
-        left: u32,
-    ) -> Arriving {
-        let surroundings = self.surroundings;
-        let sky = &surroundings.sky;
-        let dimension = PATH + 2 * (surroundings.bounces - left);
-        let to_sun = sky.sun_direction(points.point(sample, dimension));
-        let sun = self.sun_light(start, normal, to_sun);
+    /// The light that arrives at places, nothing but the sun hidden.
+    fn lit_by_sun(&mut self, places: &[Place]) -> Vec<Arriving> {
+        let sky = &self.surroundings.sky;
+        let sun = self.sun_light(places, |_| sky.sun());
+        let together = |(place, sun): (&Place, Vec3)| Arriving {
+            sun,
+            around: sky.irradiance(place.surface.normal),
+            open: 1.0,
+        };
+        places.iter().zip(sun).map(together).collect()
+    }
 
-        let direction = above(
-            cosine_hemisphere(points.point(sample, dimension + 1), normal),
-            facet,
-        );
-        let ray = Ray::new(start.into(), direction.into());
-        let open_light = sky.irradiance(normal);
-        let (difference, open) = if left == 0 {
-            self.rays += 1;
-            if self.tree().occluded(&ray) {
-                (open_light * OBSTACLE - sky.environment(direction), 0.0)
-            } else {
-                (Vec3::ZERO, 1.0)
-            }
+    /// The light that arrives at places behind which there may be `left`
+    /// reflections, with sampling from `dimension` on.
+    fn gather(&mut self, places: &[Place], dimension: u32, left: u32) -> Vec<Arriving> {
+        let sky = &self.surroundings.sky;
+        let sun = self.sun_light(places, |sample| sky.sun_direction(sample.point(dimension)));
+        let around = |place: &Place| {
+            let Surface { facet, normal, .. } = place.surface;
+            let point = place.sample.point(dimension + 1);
+            above(cosine_hemisphere(point, normal), facet)
+        };
+        let rays: Vec<Ray> = (places.iter())
+            .map(|place| Ray::new(place.surface.start.into(), around(place).into()))
+            .collect();
+        let obstructions = if left == 0 {
+            self.obstacles(places, &rays)
         } else {
-            match self.meet(&ray) {
-                Met::Nothing => (Vec3::ZERO, 1.0),
-                Met::Ground(point) => {
-                    let on_sun = points.point(sample, dimension + 2);
-                    self.beside_open_ground(point, on_sun)
-                }
-                Met::Mesh(surface) => {
-                    let there = if left > 1 {
-                        let arriving = self.gather(
-                            surface.start,
-                            surface.facet,
-                            surface.normal,
-                            points,
-                            sample,
-                            left - 1,
-                        );
-                        arriving.sun + arriving.around
-                    } else {
-                        let to_sun = sky.sun_direction(points.point(sample, dimension + 2));
-                        self.sun_light(surface.start, surface.normal, to_sun)
-                            + sky.irradiance(surface.normal) * OPEN_AT_END
-                    };
-                    (surface.albedo * there - sky.environment(direction), 0.0)
-                }
+            self.reflections(places, &rays, dimension + 2, left)
+        };
+        let together = |((place, sun), obstruction): ((&Place, Vec3), Obstruction)| Arriving {
+            sun,
+            around: sky.irradiance(place.surface.normal) + obstruction.difference,
+            open: obstruction.open,
+        };
+        (places.iter().zip(sun).zip(obstructions))
+            .map(together)
+            .collect()
+    }
+
+    /// What obstacles on the rays from places change, without a closer look at them.
+    fn obstacles(&mut self, places: &[Place], rays: &[Ray]) -> Vec<Obstruction> {
+        let sky = &self.surroundings.sky;
+        let hidden = self.occluded(rays);
+        let obstruction = |((place, ray), hidden): ((&Place, &Ray), bool)| {
+            if !hidden {
+                return Obstruction::NONE;
+            }
+            let open_light = sky.irradiance(place.surface.normal);
+            Obstruction::by(open_light * OBSTACLE - sky.environment(ray.direction.into()))
+        };
+        (places.iter().zip(rays).zip(hidden))
+            .map(obstruction)
+            .collect()
+    }
+
+    /// What changes by the light of what the rays from places meet, of which
+    /// the sun is sampled in `dimension`.
+    fn reflections(
+        &mut self,
+        places: &[Place],
+        rays: &[Ray],
+        dimension: u32,
+        left: u32,
+    ) -> Vec<Obstruction> {
+        let sky = &self.surroundings.sky;
+        let to_sun = |sample: &Sample| sky.sun_direction(sample.point(dimension));
+        let mut obstructions = vec![Obstruction::NONE; rays.len()];
+        let (mut on_mesh, mut on_ground) = (Vec::new(), Vec::new());
+        self.meet(rays, |ray, met| {
+            let (found, surface) = match met {
+                Met::Nothing => return,
+                Met::Ground(ground, point) => (&mut on_ground, ground.surface(point)),
+                Met::Mesh(surface) => (&mut on_mesh, surface),
+            };
+            let sample = places[ray].sample;
+            found.push(Place {
+                surface,
+                sample,
+                ray,
+            });
+        });
+        let in_shadow = self.is_hidden(on_ground.iter(), to_sun);
+        for (place, in_shadow) in on_ground.iter().zip(in_shadow) {
+            if in_shadow {
+                let taken = ground::ALBEDO * sky.sun_light() * sky.sun().dot(sky.up());
+                obstructions[place.ray] = Obstruction::by(-taken);
+            }
+        }
+        let there: Vec<Vec3> = if left > 1 {
+            let arriving = self.gather(&on_mesh, dimension, left - 1);
+            arriving
+                .iter()
+                .map(|light| light.sun + light.around)
+                .collect()
+        } else {
+            let sun = self.sun_light(&on_mesh, to_sun);
+            (on_mesh.iter().zip(sun))
+                .map(|(place, sun)| sun + sky.irradiance(place.surface.normal) * OPEN_AT_END)
+                .collect()
+        };
+        for (place, there) in on_mesh.iter().zip(there) {
+            let open = sky.environment(rays[place.ray].direction.into());
+            obstructions[place.ray] = Obstruction::by(place.surface.albedo * there - open);
+        }
+        obstructions
+    }
+
+    /// The sun's light at places, if nothing stands between. Visibility
+    /// goes by the point of the sun that lies along `to_sun`, but light by its middle: the same
+    /// on average, and free of noise where the whole sun is seen.
+    fn sun_light(&mut self, places: &[Place], to_sun: impl Fn(&Sample) -> Vec3) -> Vec<Vec3> {
+        let sky = &self.surroundings.sky;
+        let cosine = |place: &Place| place.surface.normal.dot(sky.sun());
+        let faces_sun = |place: &&Place| cosine(place) > 0.0;
+        let mut hidden = (self.is_hidden(places.iter().filter(faces_sun), to_sun)).into_iter();
+        let light = |place| {
+            if faces_sun(&place) && hidden.next() == Some(false) {
+                sky.sun_light() * cosine(place)
+            } else {
+                Vec3::ZERO
             }
         };
-        Arriving {
-            sun,
-            around: open_light + difference,
-            open,
-        }
+        places.iter().map(light).collect()
     }
 
-    /// The sun's light on a surface, if nothing stands between. Visibility
-    /// goes by the sampled point of the sun, but light by its middle: the same
-    /// on average, and free of noise where the whole sun is seen.
-    fn sun_light(&mut self, start: Vec3, normal: Vec3, to_sun: Vec3) -> Vec3 {
-        let cosine = normal.dot(self.surroundings.sky.sun());
-        if cosine <= 0.0 {
-            return Vec3::ZERO;
-        }
-        self.rays += 1;
-        if self.tree().occluded(&Ray::new(start.into(), to_sun.into())) {
-            Vec3::ZERO
-        } else {
-            self.surroundings.sky.sun_light() * cosine
-        }
+    /// Whether something stands between each place and the point of the sun
+    /// along `to_sun`.
+    fn is_hidden<'p>(
+        &mut self,
+        places: impl Iterator<Item = &'p Place>,
+        to_sun: impl Fn(&Sample) -> Vec3,
+    ) -> Vec<bool> {
+        let ray =
+            |place: &Place| Ray::new(place.surface.start.into(), to_sun(&place.sample).into());
+        let rays: Vec<Ray> = places.map(ray).collect();
+        self.occluded(&rays)
     }
 
-    /// What the mesh's shadow takes from the light of open ground at `point`,
-    /// and how open that ground is.
-    fn beside_open_ground(&mut self, point: Vec3, on_sun: Vec2) -> (Vec3, f32) {
-        let sky = &self.surroundings.sky;
-        let to_sun = sky.sun_direction(on_sun);
-        self.rays += 1;
-        if self.tree().occluded(&Ray::new(point.into(), to_sun.into())) {
-            let taken = ground::ALBEDO * sky.sun_light() * sky.sun().dot(sky.up());
-            (-taken, 0.0)
-        } else {
-            (Vec3::ZERO, 1.0)
-        }
+    /// Whether each ray meets the mesh.
+    fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
+        self.rays += rays.len() as u64;
+        let mut occluded = vec![false; rays.len()];
+        self.tree().occluded_rays(rays, &mut occluded);
+        occluded
     }
 
-    /// What a ray of unit direction meets first.
-    fn meet(&mut self, ray: &Ray) -> Met {
-        self.rays += 1;
-        let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
-        let on_ground = self
-            .surroundings
-            .ground
-            .and_then(|ground| ground.intersect(origin, direction));
-        let hit = self.tree().closest_hit(ray);
-        match (hit, on_ground) {
-            (Some(hit), Some(t)) if t < hit.t => Met::Ground(origin + direction * t),
-            (Some(hit), _) => Met::Mesh(self.surfaces.at(&hit, direction)),
-            (None, Some(t)) => Met::Ground(origin + direction * t),
-            (None, None) => Met::Nothing,
+    /// Tells `met` the number of each ray of unit direction, in order, and what it meets first.
+    fn meet(&mut self, rays: &[Ray], mut met: impl FnMut(usize, Met<'s>)) {
+        self.rays += rays.len() as u64;
+        let mut hits = vec![None; rays.len()];
+        self.tree().closest_hits(rays, &mut hits);
+        for (index, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+            let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+            let on_ground = self.surroundings.ground.as_ref().and_then(|ground| {
+                let t = ground.intersect(origin, direction)?;
+                Some((ground, t))
+            });
+            // One call, so that it is inlined and nothing goes through memory.
+            met(
+                index,
+                match (hit, on_ground) {
+                    (Some(hit), on_ground) if on_ground.is_none_or(|(_, t)| hit.t <= t) => {
+                        Met::Mesh(self.surfaces.at(&hit, direction))
+                    }
+                    (_, Some((ground, t))) => Met::Ground(ground, origin + direction * t),
+                    (_, None) => Met::Nothing,
+                },
+            );
         }
     }
 }
@@ -319,7 +461,7 @@ mod tests {
         let surroundings = Surroundings {
             sky: Sky::with_colors(colors, Vec3::Y, Vec3::new(0.6, 0.8, 0.0), None),
             ground: None,
-            bounces,
+            detail: Detail::Bounces(bounces),
         };
         // The vertices of a sphere around the origin are its normals.
         let surfaces = Surfaces {
@@ -330,16 +472,18 @@ mod tests {
         };
         let mut tracer = Tracer::new(surfaces, &surroundings);
         let points = PixelSamples::new(0, 0, samples, 0);
-        let sum: Vec3 = (0..samples)
-            .map(|sample| {
-                let offset = points.point(sample, 100) - Vec2::splat(0.5);
-                let target = Vec3::new(0.0, offset.y, offset.x);
-                let direction = (target - eye).normalize();
-                let ray = Ray::new(eye.into(), direction.into());
-                tracer.radiance(&ray, &points, sample)
-            })
-            .sum();
-        sum / samples as f32
+        let samples: Vec<_> = (0..samples)
+            .map(|number| Sample { points, number })
+            .collect();
+        let ray = |sample: &Sample| {
+            let offset = sample.point(100) - Vec2::splat(0.5);
+            let target = Vec3::new(0.0, offset.y, offset.x);
+            let direction = (target - eye).normalize();
+            Ray::new(eye.into(), direction.into())
+        };
+        let rays: Vec<_> = samples.iter().map(ray).collect();
+        let light = tracer.radiance(&rays, &samples);
+        light.iter().sum::<Vec3>() / samples.len() as f32
     }
 
     #[test]

@@ -3,44 +3,65 @@
 
 use std::sync::LazyLock;
 
-/// Linear light of every byte.
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|byte| {
+/// Equal parts of the range 0 to 1, a power of two so that dividing is exact,
+/// and so many that no two bytes are in one.
+const PARTS: usize = 1 << 12;
+
+struct Tables {
+    /// Linear light of every byte; what would follow is out of reach.
+    linear: [f32; 257],
+    /// The last byte whose linear light is at most the low end of each part, and at most 1.
+    first: [u8; PARTS + 1],
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+    let linear = std::array::from_fn(|byte| {
         let encoded = byte as f64 / 255.0;
-        let linear = if encoded <= 0.040_45 {
+        let linear = if byte > 255 {
+            f64::INFINITY
+        } else if encoded <= 0.040_45 {
             encoded / 12.92
         } else {
             ((encoded + 0.055) / 1.055).powf(2.4)
         };
         linear as f32
-    })
+    });
+    let first = |part: usize| {
+        let low = part as f32 / PARTS as f32;
+        (linear.partition_point(|&entry| entry <= low) - 1) as u8
+    };
+    Tables {
+        linear,
+        first: std::array::from_fn(first),
+    }
 });
 
 /// Linear light, 0 to 1, of an sRGB colour.
 pub(crate) fn decode(bytes: [u8; 3]) -> [f32; 3] {
-    bytes.map(|byte| LINEAR[usize::from(byte)])
+    let tables = &*TABLES;
+    bytes.map(|byte| tables.linear[usize::from(byte)])
 }
 
-/// The byte whose linear light lies closest; values beyond 0 and 1 are
+/// The bytes whose linear light lies closest; values beyond 0 and 1 are
 /// clipped, and NaN is black.
-pub(crate) fn encode(linear: f32) -> u8 {
+pub(crate) fn encode(linear: [f32; 3]) -> [u8; 3] {
     encode_at(linear, 0.5)
 }
 
-/// One of the two bytes around `linear`: the upper one from `threshold`, 0 to
+/// Of each channel one of the two bytes around it: the upper one from `threshold`, 0 to
 /// 1, of the way between them in linear light.
-pub(crate) fn encode_at(linear: f32, threshold: f32) -> u8 {
-    let table = &*LINEAR;
-    let above = table.partition_point(|&entry| entry <= linear);
-    match above {
-        0 => 0,
-        256 => 255,
-        _ => {
-            let (low, high) = (table[above - 1], table[above]);
-            let upper = linear - low >= threshold * (high - low);
-            (if upper { above } else { above - 1 }) as u8
-        }
+pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
+    let tables = &*TABLES;
+    let mut bytes = [0; 3];
+    for (byte, linear) in bytes.iter_mut().zip(linear) {
+        // In this order, NaN becomes 0.
+        let linear = linear.max(0.0).min(1.0);
+        let first = usize::from(tables.first[(linear * PARTS as f32) as usize]);
+        let below = first + usize::from(tables.linear[first + 1] <= linear);
+        let (low, high) = (tables.linear[below], tables.linear[below + 1]);
+        *byte = (below + usize::from(linear - low >= threshold * (high - low))) as u8;
     }
+    bytes
 }
 
 #[cfg(test)]
@@ -50,7 +71,7 @@ mod tests {
     #[test]
     fn every_byte_survives_the_way_there_and_back() {
         for byte in 0..=255 {
-            assert_eq!(encode(decode([byte; 3])[0]), byte);
+            assert_eq!(encode(decode([byte; 3])), [byte; 3]);
         }
     }
 
@@ -64,15 +85,26 @@ mod tests {
             (f32::INFINITY, 255),
         ];
         for (linear, byte) in cases {
-            assert_eq!(encode(linear), byte, "{linear}");
+            assert_eq!(encode([linear; 3]), [byte; 3], "{linear}");
         }
     }
 
     #[test]
     fn middle_grey_is_where_the_standard_puts_it() {
         // 0.2140 is the linear light of a signal of one half.
-        assert_eq!(encode(0.2140), 127);
-        assert_eq!(encode(0.2159), 128);
+        assert_eq!(encode([0.2140; 3]), [127; 3]);
+        assert_eq!(encode([0.2159; 3]), [128; 3]);
+    }
+
+    #[test]
+    fn a_value_lies_between_the_bytes_around_it() {
+        for step in 0..1 << 20 {
+            let linear = step as f32 / (1 << 20) as f32;
+            let above = TABLES.linear.partition_point(|&entry| entry <= linear) as u8;
+            // No value is twice the way from one byte to the next, and each at least 0.
+            assert_eq!(encode_at([linear; 3], 2.0), [above - 1; 3], "{linear}");
+            assert_eq!(encode_at([linear; 3], 0.0), [above; 3], "{linear}");
+        }
     }
 
     #[test]
@@ -80,9 +112,9 @@ mod tests {
         let (low, high) = (decode([100; 3])[0], decode([101; 3])[0]);
         for share in [0.1, 0.4, 0.9] {
             let between = low + share * (high - low);
-            assert_eq!(encode_at(between, share - 0.05), 101);
-            assert_eq!(encode_at(between, share + 0.05), 100);
-            assert_eq!(encode_at(low, share), 100);
+            assert_eq!(encode_at([between; 3], share - 0.05), [101; 3]);
+            assert_eq!(encode_at([between; 3], share + 0.05), [100; 3]);
+            assert_eq!(encode_at([low; 3], share), [100; 3]);
         }
     }
 }

@@ -27,14 +27,14 @@ pub(crate) struct Surfaces<'s> {
     pub(crate) material: Vec3,
 }
 
-/// A point on the mesh.
+/// A point on the mesh or the ground.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     /// Where it is.
     pub(crate) position: Vec3,
     /// Where rays that leave it start.
     pub(crate) start: Vec3,
-    /// The triangle's unit normal, on the side of the viewer.
+    /// The triangle's unit normal, on the side of the viewer; the ground's own.
     pub(crate) facet: Vec3,
     /// The unit normal for shading, on the same side of the triangle.
     pub(crate) normal: Vec3,

@@ -1,61 +1,70 @@
-//! Square tiles along a Z-order curve, rendered in parallel.
+//! Square tiles of pixels along a Z-order curve, rendered in parallel.
 //!
-//! Neighbouring pixels send similar rays, and rays of a tile find what they
-//! need in the cache. Pixels do not depend on tiles, and tiles are put
-//! together in order, so the picture is the same on any number of threads.
+//! Neighbouring pixels send similar rays, which are traced as one and find
+//! what they need in the cache. Pixels do not depend on tiles, and each tile has its own
+//! part of the picture, so the picture is the same on any number of threads.
+
+use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
 use crate::sampling::interleave;
 
-/// Pixels along the side of a tile: 256 pixels of a few microseconds each are
-/// work enough for a task, and a picture still has hundreds of tasks.
+/// Pixels along the side of a tile, a power of two: 256 pixels of some tens of
+/// nanoseconds to microseconds each are work enough for a task, and a picture
+/// still has hundreds of tasks.
 const SIDE: u32 = 16;
+const PIXELS: usize = (SIDE * SIDE) as usize;
 
-/// Computes every pixel on the current rayon thread pool. `tile` is called
-/// once a tile for the state it keeps while it computes pixels; `pixel` gets
-/// that state and the pixel's column and row. Returns pixels row by row, and
-/// the states in an order that does not depend on threads.
-pub(crate) fn render_tiles<T: Send, P: Send + Clone + Default>(
-    width: u32,
-    height: u32,
-    tile: impl Fn() -> T + Sync,
-    pixel: impl Fn(&mut T, u32, u32) -> P + Sync,
-) -> (Vec<P>, Vec<T>) {
-    let mut corners: Vec<[u32; 2]> = (0..height.div_ceil(SIDE))
-        .flat_map(|y| (0..width.div_ceil(SIDE)).map(move |x| [x, y]))
-        .collect();
-    corners.sort_unstable_by_key(|&[x, y]| interleave(x, y));
-    let rendered: Vec<(Vec<P>, T)> = corners
-        .par_iter()
-        .map(|&[x, y]| {
-            let mut state = tile();
-            let pixels = pixels_of_tile([x * SIDE, y * SIDE], width, height)
-                .map(|[x, y]| pixel(&mut state, x, y))
-                .collect();
-            (pixels, state)
-        })
-        .collect();
-    let mut picture = vec![P::default(); width as usize * height as usize];
-    let mut states = Vec::with_capacity(rendered.len());
-    for (&[x, y], (pixels, state)) in corners.iter().zip(rendered) {
-        let places = pixels_of_tile([x * SIDE, y * SIDE], width, height);
-        for ([x, y], value) in places.zip(pixels) {
-            picture[y as usize * width as usize + x as usize] = value;
-        }
-        states.push(state);
+/// Columns and rows of a tile's pixels in Z-order.
+static PLACES: LazyLock<[[u32; 2]; PIXELS]> = LazyLock::new(|| {
+    let mut places = [[0; 2]; PIXELS];
+    for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+        places[interleave(x, y) as usize] = [x, y];
     }
-    (picture, states)
-}
+    places
+});
 
-/// Columns and rows of a tile's pixels within the picture.
-fn pixels_of_tile(
-    [left, top]: [u32; 2],
+/// Computes every pixel on the current rayon thread pool. `tile` gets the
+/// columns and rows of a tile's pixels, every aligned square of 4ᵏ of them in a row,
+/// and where to put their values; what it returns is added up.
+/// Returns pixels row by row, and that sum.
+pub(crate) fn render_tiles<P: Send + Copy + Default>(
     width: u32,
     height: u32,
-) -> impl Iterator<Item = [u32; 2]> {
-    let (right, bottom) = ((left + SIDE).min(width), (top + SIDE).min(height));
-    (top..bottom).flat_map(move |y| (left..right).map(move |x| [x, y]))
+    tile: impl Fn(&[[u32; 2]], &mut [P]) -> u64 + Sync,
+) -> (Vec<P>, u64) {
+    let mut picture = vec![P::default(); width as usize * height as usize];
+    let side = SIDE as usize;
+    let bands = picture.par_chunks_mut(side * width as usize);
+    let sum = bands.enumerate().map(|(band, pixels)| {
+        let top = band as u32 * SIDE;
+        let mut tiles: Vec<Vec<&mut [P]>> = Vec::new();
+        tiles.resize_with(width.div_ceil(SIDE) as usize, || Vec::with_capacity(side));
+        for row in pixels.chunks_mut(width as usize) {
+            for (tile, part) in tiles.iter_mut().zip(row.chunks_mut(side)) {
+                tile.push(part);
+            }
+        }
+        let tiles = tiles.into_par_iter().enumerate();
+        let sums = tiles.map(|(index, mut rows)| {
+            let left = index as u32 * SIDE;
+            let (width, height) = (rows[0].len() as u32, rows.len() as u32);
+            let places: Vec<[u32; 2]> = (PLACES.iter())
+                .filter(|&&[x, y]| x < width && y < height)
+                .map(|&[x, y]| [left + x, top + y])
+                .collect();
+            let values = &mut [P::default(); PIXELS][..places.len()];
+            let sum = tile(&places, values);
+            for (&[x, y], &mut value) in places.iter().zip(values) {
+                rows[(y - top) as usize][(x - left) as usize] = value;
+            }
+            sum
+        });
+        sums.sum::<u64>()
+    });
+    let sum = sum.sum();
+    (picture, sum)
 }
 
 #[cfg(test)]
@@ -65,20 +74,28 @@ mod tests {
     #[test]
     fn every_pixel_is_computed_once_and_put_in_its_place() {
         for (width, height) in [(1, 1), (16, 16), (33, 17), (5, 100)] {
-            let (picture, counts) = render_tiles(
-                width,
-                height,
-                || 0u64,
-                |count, x, y| {
-                    *count += 1;
-                    (x, y)
-                },
-            );
-            let expected: Vec<(u32, u32)> = (0..height)
-                .flat_map(|y| (0..width).map(move |x| (x, y)))
+            let (picture, count) = render_tiles(width, height, |places, values| {
+                values.copy_from_slice(places);
+                places.len() as u64
+            });
+            let expected: Vec<[u32; 2]> = (0..height)
+                .flat_map(|y| (0..width).map(move |x| [x, y]))
                 .collect();
             assert_eq!(picture, expected);
-            assert_eq!(counts.iter().sum::<u64>(), u64::from(width * height));
+            assert_eq!(count, u64::from(width * height));
         }
+    }
+
+    #[test]
+    fn aligned_squares_follow_each_other() {
+        let (_, squares) = render_tiles::<()>(64, 32, |places, _| {
+            let square = |square: &[[u32; 2]]| {
+                square
+                    .iter()
+                    .all(|p| p.map(|x| x / 4) == square[0].map(|x| x / 4))
+            };
+            places.chunks(16).filter(|places| square(places)).count() as u64
+        });
+        assert_eq!(squares, 16 * 8);
     }
 }

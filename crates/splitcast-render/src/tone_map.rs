@@ -35,7 +35,7 @@ const EXPOSURE: f32 = 1.6;
 /// Above this the curve is flat in single precision; keeps its square finite.
 const BRIGHTEST: f32 = 1e6;
 
-/// Pixels that one task converts.
+/// Pixels that one task converts, at least.
 const CHUNK: usize = 1 << 14;
 
 /// How the values of an [`Image`] are brought to a display.
@@ -71,21 +71,20 @@ impl ToneCurve {
 /// so that soft gradients show no bands. Runs on the current rayon thread pool.
 #[must_use]
 pub fn to_srgb8(image: &Image) -> Vec<u8> {
-    let width = image.width as usize;
+    let width = image.width.max(1) as usize;
     let mut bytes = vec![0; 3 * image.pixels.len()];
-    bytes
-        .par_chunks_mut(3 * CHUNK)
-        .zip(image.pixels.par_chunks(CHUNK))
+    let rows = bytes.par_chunks_mut(3 * width);
+    rows.zip(image.pixels.par_chunks(width))
+        .with_min_len(CHUNK.div_ceil(width))
         .enumerate()
-        .for_each(|(chunk, (bytes, pixels))| {
-            for (place, (bytes, &pixel)) in bytes.chunks_exact_mut(3).zip(pixels).enumerate() {
-                let index = chunk * CHUNK + place;
+        .for_each(|(y, (bytes, pixels))| {
+            for (x, (bytes, &pixel)) in bytes.chunks_exact_mut(3).zip(pixels).enumerate() {
                 let threshold = match image.tone_curve {
-                    ToneCurve::Filmic => dither(index % width, index / width),
+                    ToneCurve::Filmic => dither(x, y),
                     ToneCurve::Exact => 0.5,
                 };
                 let shown = image.tone_curve.apply(pixel);
-                bytes.copy_from_slice(&shown.map(|x| srgb::encode_at(x, threshold)));
+                bytes.copy_from_slice(&srgb::encode_at(shown, threshold));
             }
         });
     bytes
@@ -96,7 +95,9 @@ pub fn to_srgb8(image: &Image) -> Vec<u8> {
 /// processing in Call of Duty: Advanced Warfare").
 fn dither(x: usize, y: usize) -> f32 {
     let gradient = 0.067_110_56 * x as f64 + 0.005_837_15 * y as f64;
-    (52.982_918_9 * gradient.fract()).fract() as f32
+    // Both are positive and small; a machine's general `fract` may be a call.
+    let fraction = |x: f64| x - f64::from(x as i32);
+    fraction(52.982_918_9 * fraction(gradient)) as f32
 }
 
 /// The fit's curve: nearly a square at the dark end, level at the bright one.

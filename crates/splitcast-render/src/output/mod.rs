@@ -29,4 +29,4 @@ pub use png::encode_png;
 pub use settings::Settings;
 pub use sink::{FrameSink, OutputOptions, Resumed};
 pub use spec::{OutputFormat, OutputSpec};
-pub use thread::OutputThread;
+pub use thread::{OutputThread, WriteTimes};

@@ -3,15 +3,16 @@
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
+use std::time::Duration;
 
 use ::png::Compression;
 use splitcast_scene::write_atomically;
 
 use super::error::OutputError;
-use super::sink::{FrameSink, OutputOptions, Resumed, check_image};
+use super::sink::{FrameSink, OutputOptions, Resumed, check_image, tone_map};
 use super::spec::{OutputFormat, OutputSpec};
 use super::{atomic, exr, png};
-use crate::{Image, to_srgb8};
+use crate::Image;
 
 /// Writes every frame as soon as it comes; there is nothing left to finish.
 pub(super) struct SequenceSink {
@@ -55,7 +56,7 @@ impl FrameSink for SequenceSink {
         &self.resumed
     }
 
-    fn write(&mut self, index: usize, image: &Image) -> Result<(), OutputError> {
+    fn write(&mut self, index: usize, image: &Image) -> Result<Duration, OutputError> {
         let path = self.spec.frame_path(index);
         check_image(&path, &self.options, index, image)?;
         let failed = |reason: String| OutputError::Encode {
@@ -64,21 +65,24 @@ impl FrameSink for SequenceSink {
             reason,
         };
         let settings = &self.options.settings;
-        let bytes = if self.spec.format() == OutputFormat::Exr {
-            exr::encode(image, settings).map_err(|error| failed(error.to_string()))?
+        let (bytes, tone_mapping) = if self.spec.format() == OutputFormat::Exr {
+            let bytes = exr::encode(image, settings).map_err(|error| failed(error.to_string()))?;
+            (bytes, Duration::ZERO)
         } else {
-            let rgb = to_srgb8(image);
-            png::encode(
+            let (rgb, tone_mapping) = tone_map(image);
+            let bytes = png::encode(
                 image.width,
                 image.height,
                 &rgb,
                 settings,
                 Compression::Balanced,
             )
-            .map_err(|error| failed(error.to_string()))?
+            .map_err(|error| failed(error.to_string()))?;
+            (bytes, tone_mapping)
         };
         write_atomically(&path, |out| out.write_all(&bytes))
-            .map_err(|error| OutputError::io(&path, error))
+            .map_err(|error| OutputError::io(&path, error))?;
+        Ok(tone_mapping)
     }
 
     fn finish(self: Box<Self>) -> Result<(), OutputError> {

@@ -1,6 +1,7 @@
 //! The one way frames go out, whatever the format.
 
 use std::ops::Range;
+use std::time::{Duration, Instant};
 
 use super::error::OutputError;
 use super::mp4::Mp4Encoder;
@@ -9,7 +10,7 @@ use super::settings::Settings;
 use super::spec::{OutputFormat, OutputSpec};
 use super::video::VideoSink;
 use super::{apng::ApngEncoder, mp4};
-use crate::Image;
+use crate::{Image, to_srgb8};
 
 /// Largest width or height of any output, in pixels: the limit that rav1e,
 /// MP4's sample entry, and our own arithmetic share.
@@ -47,13 +48,14 @@ pub trait FrameSink: Send {
     }
 
     /// Writes frame `index`. Frames come in rising order, those that are done
-    /// left out.
+    /// left out. Returns how much of the time went into bringing the picture to
+    /// the display's bytes: none for formats that keep its light.
     ///
     /// # Errors
     /// [`OutputError::Io`] and [`OutputError::Encode`] when writing fails,
     /// [`OutputError::Misuse`] for a wrong size or order. What was written
     /// before stays whole.
-    fn write(&mut self, index: usize, image: &Image) -> Result<(), OutputError>;
+    fn write(&mut self, index: usize, image: &Image) -> Result<Duration, OutputError>;
 
     /// Completes the output. A video appears under its name only now.
     ///
@@ -145,6 +147,13 @@ impl OutputSpec {
         }
         Ok(())
     }
+}
+
+/// [`to_srgb8`], and the time it took.
+pub(super) fn tone_map(image: &Image) -> (Vec<u8>, Duration) {
+    let started = Instant::now();
+    let rgb = to_srgb8(image);
+    (rgb, started.elapsed())
 }
 
 /// Refuses a picture whose size is not the one the output was opened with.

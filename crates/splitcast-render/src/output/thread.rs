@@ -4,6 +4,7 @@
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use super::error::OutputError;
 use super::sink::FrameSink;
@@ -18,6 +19,15 @@ enum Message {
     Finish,
 }
 
+/// What the output thread took for a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriteTimes {
+    /// To bring the picture to the display's bytes.
+    pub tone_map: Duration,
+    /// To encode and to store it.
+    pub write: Duration,
+}
+
 /// Hands frames to a [`FrameSink`] that runs on another thread.
 ///
 /// Dropping it without [`OutputThread::finish`] abandons the output: frames
@@ -25,7 +35,7 @@ enum Message {
 #[derive(Debug)]
 pub struct OutputThread {
     messages: Option<SyncSender<Message>>,
-    worker: Option<JoinHandle<Result<(), OutputError>>>,
+    worker: Option<JoinHandle<Result<Vec<WriteTimes>, OutputError>>>,
 }
 
 impl OutputThread {
@@ -49,11 +59,12 @@ impl OutputThread {
         self.send(Message::Frame(index, image))
     }
 
-    /// Waits until everything is written, and completes the output.
+    /// Waits until everything is written, and completes the output. Returns the times of all frames, in
+    /// their order; these overlap with whatever the caller did meanwhile.
     ///
     /// # Errors
     /// As for [`FrameSink::write`] and [`FrameSink::finish`].
-    pub fn finish(mut self) -> Result<(), OutputError> {
+    pub fn finish(mut self) -> Result<Vec<WriteTimes>, OutputError> {
         self.send(Message::Finish)?;
         self.join()
     }
@@ -62,14 +73,14 @@ impl OutputThread {
         match &self.messages {
             Some(messages) if messages.send(message).is_ok() => Ok(()),
             // The worker only stops early for an error, which joining yields.
-            _ => self.join(),
+            _ => self.join().map(drop),
         }
     }
 
-    fn join(&mut self) -> Result<(), OutputError> {
+    fn join(&mut self) -> Result<Vec<WriteTimes>, OutputError> {
         self.messages = None;
         match self.worker.take().map(JoinHandle::join) {
-            None => Ok(()),
+            None => Ok(Vec::new()),
             Some(Ok(result)) => result,
             Some(Err(panic)) => resume_unwind(panic),
         }
@@ -86,12 +97,24 @@ impl Drop for OutputThread {
     }
 }
 
-fn work(mut sink: Box<dyn FrameSink>, queue: &Receiver<Message>) -> Result<(), OutputError> {
+fn work(
+    mut sink: Box<dyn FrameSink>,
+    queue: &Receiver<Message>,
+) -> Result<Vec<WriteTimes>, OutputError> {
+    let mut times = Vec::new();
     for message in queue {
         match message {
-            Message::Frame(index, image) => sink.write(index, &image)?,
-            Message::Finish => return sink.finish(),
+            Message::Frame(index, image) => {
+                let started = Instant::now();
+                let tone_map = sink.write(index, &image)?;
+                let write = started.elapsed().saturating_sub(tone_map);
+                times.push(WriteTimes { tone_map, write });
+            }
+            Message::Finish => {
+                sink.finish()?;
+                break;
+            }
         }
     }
-    Ok(())
+    Ok(times)
 }

@@ -2,12 +2,13 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::atomic;
 use super::error::OutputError;
-use super::sink::{FrameSink, OutputOptions, Resumed, check_image};
+use super::sink::{FrameSink, OutputOptions, Resumed, check_image, tone_map};
 use super::spool::Spool;
-use crate::{Image, to_srgb8};
+use crate::Image;
 
 /// Why an encoder stopped.
 pub(super) enum EncodeFailure {
@@ -122,7 +123,7 @@ impl<E: VideoEncoder> FrameSink for VideoSink<E> {
         &self.resumed
     }
 
-    fn write(&mut self, index: usize, image: &Image) -> Result<(), OutputError> {
+    fn write(&mut self, index: usize, image: &Image) -> Result<Duration, OutputError> {
         check_image(&self.target, &self.options, index, image)?;
         if index < self.next {
             return Err(OutputError::Misuse {
@@ -132,9 +133,10 @@ impl<E: VideoEncoder> FrameSink for VideoSink<E> {
             });
         }
         self.catch_up(index)?;
-        let rgb = to_srgb8(image);
+        let (rgb, tone_mapping) = tone_map(image);
         self.spool.store(index, &rgb, &self.options)?;
-        self.push(&rgb)
+        self.push(&rgb)?;
+        Ok(tone_mapping)
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), OutputError> {

@@ -16,6 +16,12 @@ impl Aabb {
         max: [f32::NEG_INFINITY; 3],
     };
 
+    /// The box of all space.
+    pub(crate) const EVERYTHING: Self = Self {
+        min: [f32::NEG_INFINITY; 3],
+        max: [f32::INFINITY; 3],
+    };
+
     /// The smallest box around `points`, [`Aabb::EMPTY`] for none.
     pub fn of_points(points: &[[f32; 3]]) -> Self {
         points.iter().fold(Self::EMPTY, |mut bounds, &point| {

@@ -1,10 +1,10 @@
 //! The kd-tree: nodes of 8 bytes in depth-first order, leaves over a shared
 //! list of triangle references.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::build::Scratch;
-use crate::wide::WideTree;
+use crate::wide::{WideTree, contents};
 use crate::{Aabb, BuildError, BuildOptions, CostModel, Mesh, build};
 
 /// Indices of nodes and references have 30 bits.
@@ -105,13 +105,54 @@ pub struct NodeVisit {
 }
 
 /// What a tree is made of.
-#[derive(Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Storage {
     /// In depth-first order, not empty.
     pub(crate) nodes: Vec<Node>,
-    pub(crate) references: Vec<u32>,
+    /// What the leaves own ranges of.
+    pub(crate) members: Vec<u32>,
+    pub(crate) listing: Listing,
     /// The same tree as rays are traced through it.
     pub(crate) wide: WideTree,
+}
+
+/// What the members of leaves are.
+#[derive(Clone, Debug, Default)]
+pub(crate) enum Listing {
+    /// Triangles. Cells are disjoint, and a leaf has all triangles that reach into its own.
+    #[default]
+    Triangles,
+    /// Blocks of the wide form: each triangle is in one leaf, and cells, the boxes around what
+    /// is in them, overlap. The same in terms of triangles is found when somebody asks.
+    Blocks(OnceLock<(Vec<Node>, Vec<u32>)>),
+}
+
+impl Storage {
+    /// Nodes whose leaves own ranges of triangles, and these.
+    fn listed(&self) -> (&[Node], &[u32]) {
+        match &self.listing {
+            Listing::Triangles => (&self.nodes, &self.members),
+            Listing::Blocks(listed) => {
+                let (nodes, triangles) = listed.get_or_init(|| self.list());
+                (nodes, triangles)
+            }
+        }
+    }
+
+    fn list(&self) -> (Vec<Node>, Vec<u32>) {
+        let mut triangles = Vec::with_capacity(self.members.len() * 8);
+        let list = |node: &Node| match node.kind() {
+            NodeKind::Inner { .. } => *node,
+            NodeKind::Leaf { first, count } => {
+                let start = triangles.len();
+                for &block in &self.members[first..first + count] {
+                    triangles.extend(self.wide.block(block as usize).distinct());
+                }
+                Node::leaf(start, triangles.len() - start)
+            }
+        };
+        (self.nodes.iter().map(list).collect(), triangles)
+    }
 }
 
 /// A kd-tree over a borrowed triangle mesh.
@@ -175,7 +216,8 @@ impl<'m> KdTree<'m> {
     ) -> Self {
         let storage = Arc::new(Storage {
             nodes,
-            references,
+            members: references,
+            listing: Listing::Triangles,
             wide: WideTree::default(),
         });
         Self::from_storage(mesh, bounds, storage, cost, skipped_triangles)
@@ -185,9 +227,8 @@ impl<'m> KdTree<'m> {
     #[cfg(test)]
     pub(crate) fn with_wide(self, wide: WideTree) -> Self {
         let storage = Arc::new(Storage {
-            nodes: self.nodes().to_vec(),
-            references: self.references().to_vec(),
             wide,
+            ..(*self.storage).clone()
         });
         Self { storage, ..self }
     }
@@ -215,12 +256,23 @@ impl<'m> KdTree<'m> {
 
     /// All nodes in depth-first order; the root is the first. Never empty.
     pub fn nodes(&self) -> &[Node] {
-        &self.storage.nodes
+        self.storage.listed().0
     }
 
     /// Triangle indices; every leaf owns a range of them.
     pub fn references(&self) -> &[u32] {
-        &self.storage.references
+        self.storage.listed().1
+    }
+
+    /// Whether cells may overlap, as in the trees of a [`Tracker`](crate::Tracker): each triangle is in
+    /// one leaf, and a node's cell is the box around what is in its leaves (a spatial
+    /// kd-tree; Ooi, McDonell & Sacks-Davis 1987). The planes of such a tree are those by which
+    /// triangles were sorted, perhaps in an earlier frame.
+    ///
+    /// Otherwise a node's cell is one of the two halves of its parent's, and a leaf has all triangles
+    /// that reach into its own.
+    pub fn cells_overlap(&self) -> bool {
+        matches!(self.storage.listing, Listing::Blocks(_))
     }
 
     /// Triangles left out because a corner was not finite; not zero only with
@@ -234,15 +286,18 @@ impl<'m> KdTree<'m> {
         size_of::<Self>()
             + size_of::<Storage>()
             + self.storage.nodes.capacity() * size_of::<Node>()
-            + self.storage.references.capacity() * size_of::<u32>()
+            + self.storage.members.capacity() * size_of::<u32>()
             + self.storage.wide.bytes()
     }
 
     /// Visits every node depth first, left before right.
     pub fn visit(&self, mut visitor: impl FnMut(NodeVisit)) {
+        let nodes = self.nodes();
+        // Where cells are not told by planes.
+        let contents = self.cells_overlap().then(|| contents(nodes, self.wide()));
         let mut stack = vec![(0, 0, self.bounds)];
         while let Some((index, depth, cell)) = stack.pop() {
-            let kind = self.storage.nodes[index].kind();
+            let kind = nodes[index].kind();
             visitor(NodeVisit {
                 index,
                 depth,
@@ -255,7 +310,10 @@ impl<'m> KdTree<'m> {
                 right,
             } = kind
             {
-                let (left_cell, right_cell) = cell.split(axis, position);
+                let (left_cell, right_cell) = match &contents {
+                    None => cell.split(axis, position),
+                    Some(contents) => (contents[index + 1], contents[right]),
+                };
                 stack.push((right, depth + 1, right_cell));
                 stack.push((index + 1, depth + 1, left_cell));
             }

@@ -49,14 +49,14 @@ pub struct UpdateReport {
     pub frame: u64,
     /// Time from the call to the tree.
     pub time: Duration,
-    /// The part of it that building took.
-    pub building: Duration,
     /// Parts of the tree that are as they were.
     pub kept: Share,
+    /// Parts whose boxes were brought up to date.
+    pub moved: Share,
+    /// Parts that were sorted into a new hierarchy.
+    pub searched: Share,
     /// Parts that were built anew.
     pub rebuilt: Share,
-    /// Parts that were built anew with large leaves, because there was no time for more.
-    pub coarse: Share,
     /// Expected cost of a ray ([`TreeStats::sah_cost`](crate::TreeStats::sah_cost)).
     pub sah_cost: f64,
     /// The cost over that of the last tree that was built as a whole: an
@@ -164,23 +164,21 @@ impl Tracker {
         };
         let TrackedUpdate {
             tree,
-            tracked,
             kept,
+            moved,
+            searched,
             rebuilt,
-            coarse,
-            building,
             sah_cost,
             sah_ratio,
-        } = build::update(mesh, &self.options, self.last.as_ref(), moved, budget)?;
+        } = build::update(mesh, &self.options, &mut self.last, moved, budget)?;
         let time = budget.started.elapsed();
-        self.last = tracked;
         let report = UpdateReport {
             frame: self.frames,
             time,
-            building,
             kept: kept.into(),
+            moved: moved.into(),
+            searched: searched.into(),
             rebuilt: rebuilt.into(),
-            coarse: coarse.into(),
             sah_cost,
             sah_ratio,
             tracker_bytes: size_of::<Self>() + self.last.as_ref().map_or(0, TrackedTree::bytes),

@@ -174,22 +174,15 @@ pub enum Violation {
         /// Index of the leaf.
         node: usize,
     },
-    /// Blocks of a leaf's wide node that do not exist.
-    #[error(
-        "the wide node of leaf {node} has blocks {first} to {end} in lane {lane}, \
-         but its group has only {blocks}"
-    )]
-    BlocksOutOfRange {
+    /// A lane of a leaf holds a block that is not there.
+    #[error("leaf {node} holds block {index} in lane {lane}, which is not there")]
+    NoBlock {
         /// Index of the leaf.
         node: usize,
         /// The lane of its wide node.
         lane: usize,
-        /// The lane's first block.
-        first: usize,
-        /// The block after its last.
-        end: usize,
-        /// Number of blocks in the leaf's group.
-        blocks: usize,
+        /// The block's index.
+        index: usize,
     },
     /// A triangle that a leaf holds but its blocks do not.
     #[error("leaf {node} holds triangle {triangle}, but none of its blocks does")]

@@ -10,13 +10,14 @@
 
 mod collapse;
 pub(crate) mod leaf;
+pub(crate) mod refit;
 
-use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+pub(crate) use collapse::contents;
 use leaf::LeafMemory;
 
 use crate::kd_tree::{Node, NodeKind};
@@ -25,11 +26,11 @@ use crate::{Aabb, Mesh};
 /// Children of a node, and triangles of a block: one a lane.
 pub(crate) const LANES: usize = 8;
 
-/// Stands for the group of an inner node, which has none.
-const INNER: u32 = u32::MAX;
+/// Blocks of a chunk, at most.
+pub(crate) const CHUNK: usize = 1 << CHUNK_BITS;
 
-/// References of a group of leaves, at most, unless it is a single leaf.
-const GROUP: usize = 512;
+/// Bits of a block's index that tell its place in its chunk.
+const CHUNK_BITS: u32 = 8;
 
 /// A node: the boxes of up to eight children, lane by lane, and where those are. Four cache lines.
 #[derive(Clone, Copy, Debug)]
@@ -38,18 +39,15 @@ pub(crate) struct WideNode {
     /// Lowest and highest coordinates on x, on y and on z. Lanes without a child hold an empty
     /// box, which no ray meets.
     pub(crate) bounds: [[f32; LANES]; 6],
-    /// Inner node: the children's indices. Leaf: each lane's first block; its last is before the
-    /// next lane's.
+    /// Inner node: the children's indices. Leaf: each lane's first block.
     pub(crate) first: [u32; LANES],
-    /// Leaf: the block after its last.
-    pub(crate) end: u32,
-    /// Leaf: the group that it is in.
-    pub(crate) group: u32,
+    /// Inner node: zeros. Leaf: the block after each lane's last.
+    pub(crate) end: [u32; LANES],
 }
 
 impl WideNode {
     /// A node without children.
-    const EMPTY: Self = Self {
+    pub(crate) const EMPTY: Self = Self {
         bounds: [
             [f32::INFINITY; LANES],
             [f32::NEG_INFINITY; LANES],
@@ -59,11 +57,10 @@ impl WideNode {
             [f32::NEG_INFINITY; LANES],
         ],
         first: [0; LANES],
-        end: 0,
-        group: INNER,
+        end: [0; LANES],
     };
 
-    fn set_bounds(&mut self, lane: usize, bounds: &Aabb) {
+    pub(crate) fn set_bounds(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
             self.bounds[2 * axis][lane] = bounds.min[axis];
             self.bounds[2 * axis + 1][lane] = bounds.max[axis];
@@ -90,10 +87,10 @@ impl WideNode {
         }
     }
 
-    /// The group that a leaf's blocks are in; `None` for an inner node.
+    /// Whether the children are blocks. A leaf of none is none of either.
     #[inline(always)]
-    pub(crate) fn group(&self) -> Option<usize> {
-        (self.group != INNER).then_some(self.group as usize)
+    pub(crate) fn is_leaf(&self) -> bool {
+        self.end[0] > 0
     }
 
     /// An inner node's child.
@@ -102,19 +99,14 @@ impl WideNode {
         self.first[lane % LANES]
     }
 
-    /// A leaf's blocks in a lane, among those of its group.
+    /// A leaf's blocks in a lane.
     #[inline(always)]
     pub(crate) fn blocks(&self, lane: usize) -> Range<usize> {
-        let next = if lane + 1 < LANES {
-            self.first[lane + 1]
-        } else {
-            self.end
-        };
-        self.first[lane % LANES] as usize..next as usize
+        self.first[lane % LANES] as usize..self.end[lane % LANES] as usize
     }
 }
 
-/// Eight triangles, lane by lane; the last of a lane's blocks may repeat a triangle. Five cache
+/// Eight triangles, lane by lane; the last ones may be the same. Five cache
 /// lines.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -127,11 +119,14 @@ pub(crate) struct Block {
     pub(crate) triangles: [u32; LANES],
 }
 
-/// The leaves of a subtree of the kd-tree, in its order.
-#[derive(Clone, Debug)]
-pub(crate) struct LeafGroup<'l> {
-    leaves: Cow<'l, [WideNode]>,
-    blocks: Arc<Vec<Block>>,
+impl Block {
+    /// The triangles, each once.
+    pub(crate) fn distinct(&self) -> impl Iterator<Item = u32> {
+        // What fills up a block repeats its last.
+        let [first, ..] = self.triangles;
+        let others = self.triangles.windows(2).filter(|pair| pair[0] != pair[1]);
+        std::iter::once(first).chain(others.map(|pair| pair[1]))
+    }
 }
 
 /// What rays are traced through.
@@ -140,62 +135,101 @@ pub(crate) struct WideTree {
     /// First the leaves, in the order of the kd-tree's, then the inner nodes.
     pub(crate) nodes: Vec<WideNode>,
     pub(crate) root: u32,
-    /// The first leaf and the blocks of each group.
-    pub(crate) groups: Vec<(u32, Arc<Vec<Block>>)>,
+    /// The nodes of the kd-tree that the inner nodes stand for.
+    pub(crate) origins: Vec<u32>,
+    pub(crate) blocks: Blocks,
+}
+
+/// Blocks, in chunks that several trees may share. Indices have gaps, behind chunks that are not
+/// full.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Blocks {
+    pub(crate) chunks: Vec<Arc<Vec<Block>>>,
+}
+
+impl Blocks {
+    #[inline(always)]
+    pub(crate) fn get(&self, index: usize) -> &Block {
+        &self.chunks[index >> CHUNK_BITS][index % CHUNK]
+    }
+
+    /// The block of an index, if there is one.
+    pub(crate) fn find(&self, index: usize) -> Option<&Block> {
+        self.chunks.get(index / CHUNK)?.get(index % CHUNK)
+    }
+
+    /// Behind the highest index.
+    pub(crate) fn end(&self) -> usize {
+        let last = self.chunks.last();
+        last.map_or(0, |last| (self.chunks.len() - 1) * CHUNK + last.len())
+    }
+
+    /// Bytes allocated.
+    fn bytes(&self) -> usize {
+        let blocks: usize = self.chunks.iter().map(|chunk| chunk.capacity()).sum();
+        self.chunks.capacity() * size_of::<Arc<Vec<Block>>>() + blocks * size_of::<Block>()
+    }
+}
+
+/// Where the leaves of a kd-tree are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Cells {
+    /// In disjoint cells, given the root's: of a triangle, what lies in the cell counts.
+    Disjoint(Aabb),
+    /// Anywhere: each triangle is in one leaf, whole.
+    Overlapping,
 }
 
 impl WideTree {
     /// Makes the wide form of a kd-tree, on all threads.
-    pub(crate) fn new(mesh: Mesh<'_>, bounds: Aabb, nodes: &[Node], references: &[u32]) -> Self {
-        let groups: Vec<LeafGroup<'_>> = subtrees(nodes, bounds)
+    pub(crate) fn new(mesh: Mesh<'_>, cells: Cells, nodes: &[Node], references: &[u32]) -> Self {
+        let leaves = leaves(nodes, cells);
+        let made: Vec<(Vec<WideNode>, Vec<Block>)> = groups(&leaves)
             .par_iter()
-            .map_init(LeafMemory::default, |memory, &(root, end, cell)| {
-                leaf::group(mesh, &nodes[root..end], references, cell, memory)
+            .map_init(LeafMemory::default, |memory, group| {
+                leaf::group(mesh, &leaves[group.clone()], references, memory)
             })
             .collect();
-        Self::assemble(nodes, groups)
+        // Half of the nodes are leaves, and a fifth as many new ones come above them.
+        let mut wide = Vec::with_capacity(leaves.len() + leaves.len() / 4 + 2);
+        let mut chunks = Vec::with_capacity(made.len());
+        for (leaves, mut blocks) in made {
+            let base = (chunks.len() * CHUNK) as u32;
+            wide.extend(leaves.iter().map(|leaf| {
+                let mut leaf = *leaf;
+                for lane in 0..LANES {
+                    if leaf.end[lane] > 0 {
+                        leaf.first[lane] += base;
+                        leaf.end[lane] += base;
+                    }
+                }
+                leaf
+            }));
+            while blocks.len() > CHUNK {
+                let rest = blocks.split_off(CHUNK);
+                chunks.push(Arc::new(blocks));
+                blocks = rest;
+            }
+            chunks.push(Arc::new(blocks));
+        }
+        Self::assemble(nodes, wide, Blocks { chunks })
     }
 
-    /// Puts together groups of leaves, in the kd-tree's order, below new inner nodes.
-    pub(crate) fn assemble(nodes: &[Node], leaf_groups: Vec<LeafGroup<'_>>) -> Self {
-        // Half of the nodes are leaves, and a fifth as many new ones come above them.
-        let mut wide = Vec::with_capacity(nodes.len() / 2 + nodes.len() / 8 + 2);
-        let mut groups = Vec::with_capacity(leaf_groups.len());
-        for (index, group) in leaf_groups.into_iter().enumerate() {
-            groups.push((wide.len() as u32, group.blocks));
-            wide.extend(group.leaves.iter().map(|&leaf| WideNode {
-                group: index as u32,
-                ..leaf
-            }));
-        }
-        let root = collapse::collapse(nodes, &mut wide);
+    /// Puts inner nodes above leaves, those of `nodes` in their order.
+    pub(crate) fn assemble(nodes: &[Node], leaves: Vec<WideNode>, blocks: Blocks) -> Self {
+        let mut wide = leaves;
+        let (root, origins) = collapse::collapse(nodes, &mut wide);
         Self {
             nodes: wide,
             root,
-            groups,
-        }
-    }
-
-    /// The leaves of a group, to be shared with another tree.
-    pub(crate) fn group(&self, index: usize) -> LeafGroup<'_> {
-        let (first, blocks) = &self.groups[index];
-        let end = match self.groups.get(index + 1) {
-            Some((next, _)) => *next as usize,
-            None => self.leaf_count(),
-        };
-        LeafGroup {
-            leaves: Cow::Borrowed(&self.nodes[*first as usize..end]),
-            blocks: Arc::clone(blocks),
+            origins,
+            blocks,
         }
     }
 
     /// Number of leaves: the nodes before the first inner one.
-    fn leaf_count(&self) -> usize {
-        if self.root == 0 {
-            self.nodes.len()
-        } else {
-            self.root as usize
-        }
+    pub(crate) fn leaf_count(&self) -> usize {
+        self.nodes.len() - self.origins.len()
     }
 
     /// Where a ray begins.
@@ -209,50 +243,68 @@ impl WideTree {
         &self.nodes
     }
 
-    /// The blocks of a group of leaves.
     #[inline(always)]
-    pub(crate) fn blocks(&self, group: usize) -> &[Block] {
-        &self.groups[group].1
+    pub(crate) fn block(&self, index: usize) -> &Block {
+        self.blocks.get(index)
     }
 
     /// Bytes allocated.
     pub(crate) fn bytes(&self) -> usize {
-        let blocks: usize = self.groups.iter().map(|(_, blocks)| blocks.len()).sum();
         self.nodes.capacity() * size_of::<WideNode>()
-            + self.groups.capacity() * size_of::<(u32, Arc<Vec<Block>>)>()
-            + blocks * size_of::<Block>()
+            + self.origins.capacity() * size_of::<u32>()
+            + self.blocks.bytes()
     }
 }
 
-/// The largest subtrees of no more than [`GROUP`] references: first node, end, and cell.
-fn subtrees(nodes: &[Node], bounds: Aabb) -> Vec<(usize, usize, Aabb)> {
-    let mut found = Vec::new();
-    let mut waiting = vec![(0, nodes.len(), bounds)];
-    while let Some((root, end, cell)) = waiting.pop() {
-        match nodes[root].kind() {
-            NodeKind::Inner {
-                axis,
-                position,
-                right,
-            } if reference_count(&nodes[root..end]) > GROUP => {
-                let (left_cell, right_cell) = cell.split(axis, position);
-                waiting.push((right, end, right_cell));
-                waiting.push((root + 1, right, left_cell));
+/// A leaf of a kd-tree.
+pub(crate) struct Leaf {
+    /// Where its references are.
+    pub(crate) references: Range<usize>,
+    /// What of its triangles counts.
+    pub(crate) cell: Aabb,
+}
+
+/// The leaves of a kd-tree, in order.
+fn leaves(nodes: &[Node], cells: Cells) -> Vec<Leaf> {
+    let mut found = Vec::with_capacity(nodes.len() / 2 + 1);
+    let mut right_cells = Vec::new();
+    let mut cell = match cells {
+        Cells::Disjoint(bounds) => bounds,
+        Cells::Overlapping => Aabb::EVERYTHING,
+    };
+    for node in nodes {
+        match node.kind() {
+            NodeKind::Inner { axis, position, .. } => {
+                if let Cells::Disjoint(_) = cells {
+                    let (left, right) = cell.split(axis, position);
+                    right_cells.push(right);
+                    cell = left;
+                }
             }
-            _ => found.push((root, end, cell)),
+            NodeKind::Leaf { first, count } => {
+                found.push(Leaf {
+                    references: first..first + count,
+                    cell,
+                });
+                cell = right_cells.pop().unwrap_or(cell);
+            }
         }
     }
     found
 }
 
-/// Number of references of a subtree, by those of its first and its last leaf.
-fn reference_count(nodes: &[Node]) -> usize {
-    let mut leaves = nodes.iter().filter_map(|node| match node.kind() {
-        NodeKind::Leaf { first, count } => Some((first, count)),
-        NodeKind::Inner { .. } => None,
-    });
-    let (first, count) = leaves.next().unwrap_or_default();
-    leaves
-        .next_back()
-        .map_or(count, |(last, count)| last + count - first)
+/// Runs of leaves whose blocks fill a chunk, or single leaves of more.
+fn groups(leaves: &[Leaf]) -> Vec<Range<usize>> {
+    let mut groups = Vec::new();
+    let (mut start, mut blocks) = (0, 0);
+    for (index, leaf) in leaves.iter().enumerate() {
+        let own = leaf.references.len().div_ceil(LANES);
+        if blocks > 0 && blocks + own > CHUNK {
+            groups.push(start..index);
+            (start, blocks) = (index, 0);
+        }
+        blocks += own;
+    }
+    groups.push(start..leaves.len());
+    groups
 }

@@ -19,8 +19,7 @@ use crate::trees::{mesh, refused};
 pub(crate) const REFERENCE: Builder = Builder::Binned;
 
 /// One update. The shares `kept`, `moved`, `searched` and `rebuilt` are numbers
-/// of references. Two of them are 0 in every update: planes are not moved, nor searched near
-/// a prediction, since neither pays (docs/tracking.md).
+/// of references.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct FrameFigures {
     /// Its frame's number in the input, from 0.
@@ -116,8 +115,8 @@ fn measure_frame(
         sah_ratio: Some(sah_ratio).filter(|ratio| ratio.is_finite()),
         sah_ratio_estimate: estimate,
         kept: report.kept.references,
-        moved: 0,
-        searched: 0,
+        moved: report.moved.references,
+        searched: report.searched.references,
         rebuilt: report.rebuilt.references,
         references: stats.references,
         nodes: stats.nodes,

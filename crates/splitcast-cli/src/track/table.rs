@@ -66,6 +66,8 @@ fn columns(with_reference: bool) -> Vec<Figure> {
     }
     all.extend([
         Figure::share("kept", |frame| frame.share(frame.kept)),
+        Figure::share("moved", |frame| frame.share(frame.moved)),
+        Figure::cost("sorted", percent, |frame| frame.share(frame.searched)),
         Figure::cost("rebuilt", percent, |frame| frame.share(frame.rebuilt)),
         Figure::cost("references", whole, |frame| Some(frame.references as f64)),
         Figure::cost("bytes", whole, |frame| Some(frame.bytes as f64)),

@@ -7,8 +7,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::kd_tree::{KdTree, MAX_REFERENCES, Node, NodeKind, Storage};
-use crate::wide::WideTree;
+use crate::kd_tree::{KdTree, Listing, MAX_REFERENCES, Node, NodeKind, Storage};
+use crate::wide::{Cells, WideTree};
 use crate::{Aabb, BuildError, CostModel, Mesh};
 
 /// A finished subtree; child and reference indices count from its own start.
@@ -152,11 +152,12 @@ impl Subtree {
         skipped_triangles: usize,
     ) -> Result<KdTree<'_>, BuildError> {
         self.check_size()?;
-        let wide = WideTree::new(mesh, bounds, &self.nodes, &self.references);
+        let cells = Cells::Disjoint(bounds);
+        let wide = WideTree::new(mesh, cells, &self.nodes, &self.references);
         Ok(KdTree::from_storage(
             mesh,
             bounds,
-            Arc::new(self.into_storage(wide)),
+            Arc::new(self.into_storage(Listing::Triangles, wide)),
             cost,
             skipped_triangles,
         ))
@@ -173,10 +174,11 @@ impl Subtree {
     }
 
     /// The whole tree, with its wide form.
-    pub(crate) fn into_storage(self, wide: WideTree) -> Storage {
+    pub(crate) fn into_storage(self, listing: Listing, wide: WideTree) -> Storage {
         Storage {
             nodes: self.nodes,
-            references: self.references,
+            members: self.references,
+            listing,
             wide,
         }
     }

@@ -67,17 +67,16 @@ pub(super) fn descend<S: Simd>(
         let node = &nodes[index as usize];
         counts.nodes += 1;
         let (near, mut met) = slabs.meet(simd, &node.bounds, visitor.t_max());
-        if let Some(group) = node.group() {
-            let blocks = wide.blocks(group);
+        if node.is_leaf() {
             while met != 0 {
                 let lane = met.trailing_zeros() as usize % LANES;
                 met &= met - 1;
                 if near[lane] > visitor.t_max() {
                     continue;
                 }
-                for block in &blocks[node.blocks(lane)] {
+                for block in node.blocks(lane) {
                     counts.blocks += 1;
-                    if visitor.visit(block).is_break() {
+                    if visitor.visit(wide.block(block)).is_break() {
                         return counts;
                     }
                 }

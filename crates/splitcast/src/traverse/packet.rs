@@ -253,15 +253,14 @@ impl<'q, 'm> Packet<'q, 'm> {
                     near[lane] = lower(near[lane], near_k[lane]);
                 }
             }
-            if let Some(group) = node.group() {
-                let blocks = wide.blocks(group);
+            if node.is_leaf() {
                 while met != 0 {
                     let lane = met.trailing_zeros() as usize % LANES;
                     met &= met - 1;
-                    for block in &blocks[node.blocks(lane)] {
+                    for block in node.blocks(lane) {
                         let by = u32::from(by[lane]);
                         let place = (&node.bounds, lane);
-                        self.visit::<S, Q>(simd, block, place, way, by);
+                        self.visit::<S, Q>(simd, wide.block(block), place, way, by);
                     }
                 }
                 let [a, b, c, d] = way.t_max;

@@ -31,27 +31,19 @@ impl KdTree<'_> {
     fn check_wide_leaf(&self, index: usize, leaf: &Leaf, violations: &mut Violations) {
         let wide = self.wide();
         let node = leaf.node;
-        let found = wide.nodes.get(index).and_then(|wide_node| {
-            let (_, blocks) = wide.groups.get(wide_node.group()?)?;
-            Some((wide_node, blocks))
-        });
-        let Some((wide_node, blocks)) = found else {
+        let found = wide.nodes.get(index);
+        let needed = !leaf.triangles.is_empty();
+        let Some(wide_node) = found.filter(|found| found.is_leaf() == needed) else {
             return violations.report(Violation::NoWideLeaf { node });
         };
         let mut held = Vec::new();
         for lane in 0..LANES {
             let range = wide_node.blocks(lane);
-            let Some(own) = blocks.get(range.clone()) else {
-                violations.report(Violation::BlocksOutOfRange {
-                    node,
-                    lane,
-                    first: range.start,
-                    end: range.end,
-                    blocks: blocks.len(),
-                });
-                continue;
-            };
-            for block in own {
+            for index in range {
+                let Some(block) = wide.blocks.find(index) else {
+                    violations.report(Violation::NoBlock { node, lane, index });
+                    break;
+                };
                 held.extend(block.triangles);
                 self.check_block(leaf, (wide_node, lane), block, violations);
             }
@@ -121,7 +113,7 @@ impl KdTree<'_> {
             let Some(node) = nodes.get(index) else {
                 continue;
             };
-            if node.group().is_some() {
+            if node.is_leaf() {
                 if index >= leaves {
                     violations.report(Violation::SurplusWideLeaf {
                         wide: index,

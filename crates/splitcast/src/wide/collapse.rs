@@ -1,6 +1,6 @@
 //! Inner nodes of eight children from those of two.
 
-use super::{LANES, WideNode};
+use super::{LANES, WideNode, WideTree};
 use crate::Aabb;
 use crate::kd_tree::{Node, NodeKind};
 
@@ -13,14 +13,14 @@ struct Place {
     leaf: u32,
 }
 
-/// Adds inner nodes to the `wide` leaves of a kd-tree, and gives the root.
-pub(super) fn collapse(nodes: &[Node], wide: &mut Vec<WideNode>) -> u32 {
+/// Adds inner nodes to the `wide` leaves of a kd-tree. Gives the root, and the nodes of the kd-tree
+/// that the inner ones stand for.
+pub(super) fn collapse(nodes: &[Node], wide: &mut Vec<WideNode>) -> (u32, Vec<u32>) {
     let places = places(nodes, wide);
     if let NodeKind::Leaf { .. } = nodes[0].kind() {
-        return 0;
+        return (0, Vec::new());
     }
     let root = wide.len() as u32;
-    // Nodes of the kd-tree that become wide nodes, in the order of those.
     let mut waiting = vec![0];
     wide.push(WideNode::EMPTY);
     let mut next = 0;
@@ -43,7 +43,13 @@ pub(super) fn collapse(nodes: &[Node], wide: &mut Vec<WideNode>) -> u32 {
             node.first[lane] = first;
         }
     }
-    root
+    (root, waiting)
+}
+
+/// The box around what rays can hit below every node of a kd-tree.
+pub(crate) fn contents(nodes: &[Node], wide: &WideTree) -> Vec<Aabb> {
+    let places = places(nodes, &wide.nodes[..wide.leaf_count()]);
+    places.iter().map(|place| place.content).collect()
 }
 
 /// The content of every node, from below: children come after their parents.

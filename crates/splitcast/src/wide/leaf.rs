@@ -2,13 +2,11 @@
 
 use std::cmp::Ordering;
 use std::ops::Range;
-use std::sync::Arc;
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, mask32x16};
 
-use super::{Block, LANES, LeafGroup, WideNode};
-use crate::kd_tree::{Node, NodeKind};
+use super::{Block, LANES, Leaf, WideNode};
 use crate::simd::{Kernel, dispatch};
 use crate::{Aabb, Mesh};
 
@@ -39,76 +37,55 @@ struct Order {
     places: Vec<f32>,
 }
 
-/// The leaves of a subtree of the kd-tree in wide form. `nodes` are the subtree's.
-pub(crate) fn group(
+/// Leaves in wide form, and their blocks: indices count from the first of these.
+pub(super) fn group(
     mesh: Mesh<'_>,
-    nodes: &[Node],
+    leaves: &[Leaf],
     references: &[u32],
-    cell: Aabb,
     memory: &mut LeafMemory,
-) -> LeafGroup<'static> {
-    dispatch(Leaves {
+) -> (Vec<WideNode>, Vec<Block>) {
+    dispatch(Group {
         mesh,
-        nodes,
+        leaves,
         references,
-        cell,
         memory,
     })
 }
 
 /// The arguments of [`group`].
-struct Leaves<'a> {
+struct Group<'a> {
     mesh: Mesh<'a>,
-    nodes: &'a [Node],
+    leaves: &'a [Leaf],
     references: &'a [u32],
-    cell: Aabb,
     memory: &'a mut LeafMemory,
 }
 
-impl Kernel for Leaves<'_> {
-    type Output = LeafGroup<'static>;
+impl Kernel for Group<'_> {
+    type Output = (Vec<WideNode>, Vec<Block>);
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Self::Output {
         let Self {
             mesh,
-            nodes,
+            leaves,
             references,
-            mut cell,
             memory,
         } = self;
-        let blocks_of = |node: &Node| match node.kind() {
-            NodeKind::Leaf { count, .. } => count.div_ceil(LANES),
-            NodeKind::Inner { .. } => 0,
-        };
-        let mut blocks = Vec::with_capacity(nodes.iter().map(blocks_of).sum());
-        let mut leaves = Vec::with_capacity(nodes.len() / 2 + 1);
-        let mut right_cells = Vec::new();
-        for node in nodes {
-            match node.kind() {
-                NodeKind::Inner { axis, position, .. } => {
-                    let (left, right) = cell.split(axis, position);
-                    right_cells.push(right);
-                    cell = left;
-                }
-                NodeKind::Leaf { first, count } => {
-                    let triangles = &references[first..first + count];
-                    memory.read(simd, mesh, triangles, &cell);
-                    leaves.push(leaf(simd, triangles, memory, &mut blocks));
-                    cell = right_cells.pop().unwrap_or(cell);
-                }
-            }
+        let blocks_of = |leaf: &Leaf| leaf.references.len().div_ceil(LANES);
+        let mut blocks = Vec::with_capacity(leaves.iter().map(blocks_of).sum());
+        let mut nodes = Vec::with_capacity(leaves.len());
+        for leaf in leaves {
+            let triangles = &references[leaf.references.clone()];
+            memory.read(simd, mesh, triangles, &leaf.cell);
+            nodes.push(node(simd, triangles, memory, &mut blocks));
         }
-        LeafGroup {
-            leaves: leaves.into(),
-            blocks: Arc::new(blocks),
-        }
+        (nodes, blocks)
     }
 }
 
-/// The wide node of a leaf over `triangles`, whose blocks it adds to the group's.
+/// The wide node of a leaf over `triangles`, whose blocks it adds to those of the leaves before.
 #[inline(always)]
-fn leaf<S: Simd>(
+fn node<S: Simd>(
     simd: S,
     triangles: &[u32],
     memory: &mut LeafMemory,
@@ -137,17 +114,11 @@ fn leaf<S: Simd>(
         node.set_bounds(lane, &memory.bounds_of(simd, start..end));
         node.first[lane] = blocks.len() as u32;
         for first in (start..end).step_by(LANES) {
-            let mut places = [0; LANES];
-            for (k, place) in places.iter_mut().enumerate() {
-                // The last triangle fills up the block.
-                *place = memory.order.places[(first + k).min(end - 1)].to_bits() as usize;
-            }
-            blocks.push(memory.block(simd, triangles, &places));
+            blocks.push(memory.block(simd, triangles, first..end));
         }
+        node.end[lane] = blocks.len() as u32;
         lane += 1;
     }
-    node.end = blocks.len() as u32;
-    node.first[lane..].fill(node.end);
     node
 }
 
@@ -268,62 +239,44 @@ impl LeafMemory {
         }
     }
 
-    /// The block of eight triangles.
+    /// The block of the first eight triangles of a segment.
     #[inline(always)]
-    fn block<S: Simd>(&self, simd: S, triangles: &[u32], places: &[usize; LANES]) -> Block {
-        let a = self.points(simd, places, 0);
-        let b = self.points(simd, places, 1);
-        let c = self.points(simd, places, 2);
-        Block {
-            corner: [a[0].into(), a[1].into(), a[2].into()],
-            edges: [
-                [
-                    (b[0] - a[0]).into(),
-                    (b[1] - a[1]).into(),
-                    (b[2] - a[2]).into(),
-                ],
-                [
-                    (c[0] - a[0]).into(),
-                    (c[1] - a[1]).into(),
-                    (c[2] - a[2]).into(),
-                ],
-            ],
-            triangles: [
-                triangles[places[0]],
-                triangles[places[1]],
-                triangles[places[2]],
-                triangles[places[3]],
-                triangles[places[4]],
-                triangles[places[5]],
-                triangles[places[6]],
-                triangles[places[7]],
-            ],
+    fn block<S: Simd>(&self, simd: S, triangles: &[u32], segment: Range<usize>) -> Block {
+        let mut places = [0; LANES];
+        for (k, place) in places.iter_mut().enumerate() {
+            // The last triangle fills up the block.
+            let next = (segment.start + k).min(segment.end - 1);
+            *place = self.order.places[next].to_bits() as usize;
         }
+        let of = |corner: usize| {
+            let [a, b, c, d, e, f, g, h] = places.map(|place| &self.corners[place][corner]);
+            points(simd, [a, b, c, d, e, f, g, h])
+        };
+        Block::of_points(of(0), of(1), of(2), places.map(|place| triangles[place]))
     }
+}
 
-    /// One corner of each of eight triangles, by axis.
+impl Block {
+    /// The block of triangles with these corners.
     #[inline(always)]
-    fn points<S: Simd>(&self, simd: S, places: &[usize; LANES], corner: usize) -> [f32x8<S>; 3] {
-        let corners = &self.corners[..];
-        let [x, y, z] = transposed(
-            simd,
+    pub(super) fn of_points<S: Simd>(
+        a: [f32x8<S>; 3],
+        b: [f32x8<S>; 3],
+        c: [f32x8<S>; 3],
+        triangles: [u32; LANES],
+    ) -> Self {
+        let edge = |to: [f32x8<S>; 3]| {
             [
-                &corners[places[0]][corner],
-                &corners[places[1]][corner],
-                &corners[places[2]][corner],
-                &corners[places[3]][corner],
-            ],
-        );
-        let [other_x, other_y, other_z] = transposed(
-            simd,
-            [
-                &corners[places[4]][corner],
-                &corners[places[5]][corner],
-                &corners[places[6]][corner],
-                &corners[places[7]][corner],
-            ],
-        );
-        [x.combine(other_x), y.combine(other_y), z.combine(other_z)]
+                (to[0] - a[0]).into(),
+                (to[1] - a[1]).into(),
+                (to[2] - a[2]).into(),
+            ]
+        };
+        Self {
+            corner: [a[0].into(), a[1].into(), a[2].into()],
+            edges: [edge(b), edge(c)],
+            triangles,
+        }
     }
 }
 
@@ -434,8 +387,19 @@ fn store<S: Simd>(vector: f32x16<S>, numbers: &mut [f32]) {
 }
 
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, [x, y, z]: &[f32; 3]) -> f32x4<S> {
+pub(super) fn lanes<S: Simd>(simd: S, [x, y, z]: &[f32; 3]) -> f32x4<S> {
     f32x4::simd_from(simd, [*x, *y, *z, 0.0])
+}
+
+/// Eight points by axis.
+#[inline(always)]
+pub(super) fn points<S: Simd>(
+    simd: S,
+    [a, b, c, d, e, f, g, h]: [&[f32; 4]; LANES],
+) -> [f32x8<S>; 3] {
+    let [x, y, z] = transposed(simd, [a, b, c, d]);
+    let [other_x, other_y, other_z] = transposed(simd, [e, f, g, h]);
+    [x.combine(other_x), y.combine(other_y), z.combine(other_z)]
 }
 
 /// Four points as vectors of their x, y and z.

@@ -1,0 +1,249 @@
+//! Bringing blocks and boxes up to date where triangles have moved.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x4, f32x8};
+
+use super::leaf::{lanes, points};
+use super::{Block, LANES, WideNode};
+use crate::Mesh;
+use crate::build::Reference;
+use crate::simd::{Kernel, dispatch};
+
+/// What the boxes below a node come to: sums of half areas.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Tally {
+    /// Of nodes.
+    pub(crate) nodes: f32,
+    /// Of blocks.
+    pub(crate) blocks: f32,
+}
+
+/// Computes blocks, and the boxes around them, anew from where their triangles are; `wanted`
+/// says which, by their places. Boxes that are empty stay so: such blocks are not in use.
+pub(crate) fn refit_blocks(
+    mesh: Mesh<'_>,
+    blocks: &mut [Block],
+    boxes: &mut [Reference],
+    wanted: impl Fn(usize) -> bool,
+) {
+    dispatch(Blocks {
+        mesh,
+        blocks,
+        boxes,
+        wanted,
+    });
+}
+
+/// The arguments of [`refit_blocks`].
+struct Blocks<'a, F> {
+    mesh: Mesh<'a>,
+    blocks: &'a mut [Block],
+    boxes: &'a mut [Reference],
+    wanted: F,
+}
+
+impl<F: Fn(usize) -> bool> Kernel for Blocks<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self {
+            mesh,
+            blocks,
+            boxes,
+            wanted,
+        } = self;
+        for (place, (block, own)) in blocks.iter_mut().zip(boxes).enumerate() {
+            if own.is_empty() || !wanted(place) {
+                continue;
+            }
+            let mut corners = [[[0.0; 4]; 3]; LANES];
+            let mut min = f32x4::splat(simd, f32::INFINITY);
+            let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
+            for lane in 0..LANES {
+                let [a, b, c] = mesh.corners(block.triangles[lane]);
+                let (a, b, c) = (lanes(simd, &a), lanes(simd, &b), lanes(simd, &c));
+                min = min.min(a).min(b.min(c));
+                max = max.max(a).max(b.max(c));
+                corners[lane] = [a.into(), b.into(), c.into()];
+            }
+            let all = &corners;
+            let point = |corner: usize| {
+                let [a, b, c, d, e, f, g, h] = all;
+                points(
+                    simd,
+                    [
+                        &a[corner], &b[corner], &c[corner], &d[corner], &e[corner], &f[corner],
+                        &g[corner], &h[corner],
+                    ],
+                )
+            };
+            *block = Block::of_points(point(0), point(1), point(2), block.triangles);
+            let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (min.into(), max.into());
+            *own = Reference::new([a, b, c], [d, e, f], own.triangle);
+        }
+    }
+}
+
+/// Half the areas of the boxes of a block's triangles, added up.
+pub(crate) fn triangle_areas(block: &Block) -> f32 {
+    struct Areas<'a>(&'a Block);
+    impl Kernel for Areas<'_> {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> f32 {
+            let zero = f32x8::splat(simd, 0.0);
+            let mut extent = [zero; 3];
+            for (axis, extent) in extent.iter_mut().enumerate() {
+                let [b, c] = &self.0.edges;
+                let b = f32x8::simd_from(simd, b[axis]);
+                let c = f32x8::simd_from(simd, c[axis]);
+                *extent = b.max(c).max(zero) - b.min(c).min(zero);
+            }
+            let [x, y, z] = extent;
+            let areas: [f32; LANES] = (x * y + (x + y) * z).into();
+            areas.iter().sum()
+        }
+    }
+    dispatch(Areas(block))
+}
+
+/// Brings the boxes of leaves with a block a lane up to date with those of the blocks. Gives what each leaf's
+/// own are around, and what they come to.
+pub(crate) fn refit_leaves(
+    leaves: &mut [WideNode],
+    boxes: &[Reference],
+    contents: &mut [Reference],
+    tallies: &mut [Tally],
+    wanted: impl Fn(usize) -> bool,
+) {
+    dispatch(Leaves {
+        leaves,
+        boxes,
+        contents,
+        tallies,
+        wanted,
+    });
+}
+
+/// The arguments of [`refit_leaves`].
+struct Leaves<'a, F> {
+    leaves: &'a mut [WideNode],
+    boxes: &'a [Reference],
+    contents: &'a mut [Reference],
+    tallies: &'a mut [Tally],
+    wanted: F,
+}
+
+impl<F: Fn(usize) -> bool> Kernel for Leaves<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self {
+            leaves,
+            boxes,
+            contents,
+            tallies,
+            wanted,
+        } = self;
+        let all = leaves.iter_mut().zip(contents).zip(tallies);
+        for (place, ((leaf, content), tally)) in all.enumerate() {
+            if !wanted(place) {
+                continue;
+            }
+            let blocks = areas(simd, leaf, content, |leaf, lane| {
+                (leaf.end[lane] > 0).then(|| &boxes[leaf.first[lane] as usize])
+            });
+            let nodes = content.bounds().half_area();
+            *tally = Tally { nodes, blocks };
+        }
+    }
+}
+
+/// Brings the boxes of inner nodes up to date with those of their children, which are leaves, or
+/// come behind their parents. `nodes` are all.
+pub(crate) fn refit_inner(
+    nodes: &mut [WideNode],
+    leaf_count: usize,
+    contents: &mut [Reference],
+    tallies: &mut [Tally],
+) {
+    dispatch(Inner {
+        nodes,
+        leaf_count,
+        contents,
+        tallies,
+    });
+}
+
+/// The arguments of [`refit_inner`].
+struct Inner<'a> {
+    nodes: &'a mut [WideNode],
+    leaf_count: usize,
+    contents: &'a mut [Reference],
+    tallies: &'a mut [Tally],
+}
+
+impl Kernel for Inner<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self {
+            nodes,
+            leaf_count,
+            contents,
+            tallies,
+        } = self;
+        for index in (leaf_count..nodes.len()).rev() {
+            let mut sum = Tally::default();
+            let (before, behind) = contents.split_at_mut(index);
+            let (own, behind) = behind.split_at_mut(1);
+            let node = &mut nodes[index];
+            areas(simd, node, &mut own[0], |node, lane| {
+                // An empty box stays empty: children with nothing in them are left out.
+                let child = node.first[lane] as usize;
+                (!node.bounds_of(lane).is_empty()).then(|| {
+                    sum.nodes += tallies[child].nodes;
+                    sum.blocks += tallies[child].blocks;
+                    if child < leaf_count {
+                        &before[child]
+                    } else {
+                        &behind[child - index - 1]
+                    }
+                })
+            });
+            sum.nodes += own[0].bounds().half_area();
+            tallies[index] = sum;
+        }
+    }
+}
+
+/// Gives the lanes of a node new boxes, finds the one around all, and adds up half their areas.
+#[inline(always)]
+fn areas<'b, S: Simd>(
+    simd: S,
+    node: &mut WideNode,
+    content: &mut Reference,
+    mut bounds: impl FnMut(&WideNode, usize) -> Option<&'b Reference>,
+) -> f32 {
+    let mut min = f32x4::splat(simd, f32::INFINITY);
+    let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
+    let mut sum = 0.0;
+    for lane in 0..LANES {
+        let Some(own) = bounds(node, lane) else {
+            continue;
+        };
+        let (low, high) = own.lanes();
+        min = min.min(f32x4::simd_from(simd, low));
+        max = max.max(f32x4::simd_from(simd, high));
+        let own = own.bounds();
+        node.set_bounds(lane, &own);
+        sum += own.half_area();
+    }
+    let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (min.into(), max.into());
+    *content = Reference::new([a, b, c], [d, e, f], content.triangle);
+    sum
+}

@@ -10,6 +10,7 @@ mod clusters;
 mod counts;
 mod descent;
 mod distribute;
+mod hierarchy;
 mod limits;
 mod line_search;
 mod object_split;
@@ -49,9 +50,11 @@ pub(crate) const MAX_COORDINATE: f32 = 1e12;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Builder {
-    /// [`Builder::Binned`] in a sequence's first frame; from then on what still holds
-    /// is carried over, if a [`Tracker`](crate::Tracker) or a
-    /// [`SequenceBuilder`](crate::SequenceBuilder) sees every frame.
+    /// A tree whose cells overlap ([`KdTree::cells_overlap`]), with each triangle in one leaf; planes by
+    /// binning the centers of triangles (Wald 2007). From a sequence's second frame on, what
+    /// still holds is carried over, if a [`Tracker`](crate::Tracker) or a
+    /// [`SequenceBuilder`](crate::SequenceBuilder) sees every frame. Leaves hold up to 64 triangles,
+    /// whatever [`BuildOptions`] say of depth, leaf size and costs.
     Tracked,
     /// Min-max binning over all three axes, in parallel (Shevtsov et al.
     /// 2007): the fast full rebuild.
@@ -270,6 +273,11 @@ pub(crate) fn build<'m>(
 ) -> Result<Built<'m>, BuildError> {
     options.validate()?;
     let triangles = Triangles::of(mesh, options.non_finite)?;
+    if options.builder == Builder::Tracked {
+        let tree = tracked::build(&triangles, options);
+        let records = Vec::new();
+        return Ok(Built { tree, records });
+    }
     let max_depth = options.depth_bound(triangles.len());
     let limits = Limits::of_tree(max_depth, triangles.len());
     let without_records = |(subtree, bounds)| (subtree, bounds, Vec::new());

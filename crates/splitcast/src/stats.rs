@@ -12,6 +12,11 @@ pub struct TreeStats {
     /// it if their cost models are the same. 0 for a root box without area,
     /// which no ray meets.
     pub sah_cost: f64,
+    /// The same for what rays are traced through: a traversal for each node of
+    /// up to eight boxes, and the tests of a whole block for each block of up to eight triangles,
+    /// weighted with the areas of the boxes around them. Kd-trees with disjoint and with overlapping
+    /// cells can be compared by it.
+    pub traced_cost: f64,
     /// Nodes of both kinds.
     pub nodes: usize,
     /// Nodes with two children.
@@ -67,6 +72,9 @@ impl KdTree<'_> {
         });
         if root_area > 0.0 {
             stats.sah_cost = weighted_cost / root_area;
+        }
+        if root_area > 0.0 {
+            stats.traced_cost = self.wide().weighted_cost(&cost) / root_area;
         }
         let triangles = self.mesh().triangles().len() - self.skipped_triangles();
         if triangles > 0 {

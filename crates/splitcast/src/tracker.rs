@@ -51,17 +51,27 @@ pub struct UpdateReport {
     pub time: Duration,
     /// Parts of the tree that are as they were.
     pub kept: Share,
-    /// Parts whose boxes were brought up to date.
+    /// Parts in which something moved, and whose boxes follow it.
     pub moved: Share,
-    /// Parts that were sorted into a new hierarchy.
+    /// Parts that were sorted anew.
     pub searched: Share,
-    /// Parts that were built anew.
+    /// Parts that were built anew, down to the blocks of neighboring triangles.
     pub rebuilt: Share,
-    /// Expected cost of a ray ([`TreeStats::sah_cost`](crate::TreeStats::sah_cost)).
+    /// Triangles for whose blocks there was no time ([`Tracker::update_within`]).
+    pub late: usize,
+    /// Expected cost of a ray ([`TreeStats::traced_cost`](crate::TreeStats::traced_cost)).
     pub sah_cost: f64,
-    /// The cost over that of the last tree that was built as a whole: an
-    /// estimate of how much worse the tree is than a new one.
+    /// The cost over what it was expected to be: what triangles with their present areas
+    /// would cost if they were as close to each other as when they were last
+    /// sorted. An estimate of how much worse the tree is than a new one.
     pub sah_ratio: f64,
+    /// The innovation in the hierarchy: by what factor nodes have grown, set against the
+    /// blocks of triangles in them, since these were sorted. Where it would be above 1.03, they
+    /// are.
+    pub drift: f32,
+    /// The innovation in the blocks: by what factor they have grown, set against their triangles,
+    /// since they were formed. Above 1.05 those are formed anew that have grown the most.
+    pub wear: f32,
     /// Memory that the tracker holds from this update to the next, without the
     /// tree, which it shares, in bytes.
     pub tracker_bytes: usize,
@@ -132,9 +142,9 @@ impl Tracker {
         self.advance(mesh, &Moved::Only(dirty), None)
     }
 
-    /// [`Tracker::update`] that spends about `budget` at most. The tree is valid
-    /// at once; parts that there was no time for have larger leaves, and come
-    /// first in the next update. The tree depends on the machine's speed.
+    /// [`Tracker::update`] that spends about `budget` at most, if boxes can be brought up to date within
+    /// it. The tree is valid at once; what there was no time to sort or to form anew
+    /// comes in the next updates. The tree depends on the machine's speed.
     ///
     /// # Errors
     /// As [`Tracker::update`].
@@ -164,23 +174,23 @@ impl Tracker {
         };
         let TrackedUpdate {
             tree,
-            kept,
-            moved,
-            searched,
-            rebuilt,
-            sah_cost,
-            sah_ratio,
+            amounts,
+            late,
+            quality,
         } = build::update(mesh, &self.options, &mut self.last, moved, budget)?;
         let time = budget.started.elapsed();
         let report = UpdateReport {
             frame: self.frames,
             time,
-            kept: kept.into(),
-            moved: moved.into(),
-            searched: searched.into(),
-            rebuilt: rebuilt.into(),
-            sah_cost,
-            sah_ratio,
+            kept: amounts.kept.into(),
+            moved: amounts.moved.into(),
+            searched: amounts.searched.into(),
+            rebuilt: amounts.rebuilt.into(),
+            late,
+            sah_cost: quality.cost,
+            sah_ratio: quality.ratio,
+            drift: quality.drift,
+            wear: quality.wear,
             tracker_bytes: size_of::<Self>() + self.last.as_ref().map_or(0, TrackedTree::bytes),
         };
         self.frames += 1;

@@ -168,6 +168,14 @@ pub enum Violation {
         /// A point of the triangle inside the leaf's cell.
         point: [f32; 3],
     },
+    /// In a tree whose cells overlap, a triangle that is not in exactly one leaf.
+    #[error("triangle {triangle} is in {times} leaves, expected 1")]
+    NotInOneLeaf {
+        /// The triangle.
+        triangle: u32,
+        /// Number of leaves that hold it.
+        times: usize,
+    },
     /// A leaf without a wide node that holds blocks.
     #[error("leaf {node} has no wide node with blocks of triangles")]
     NoWideLeaf {
@@ -318,7 +326,9 @@ impl KdTree<'_> {
                     right,
                 } => {
                     let (min, max) = (cell.min[axis], cell.max[axis]);
-                    if !(position >= min && position <= max) {
+                    // Where cells overlap, planes are of the past.
+                    let inside = position >= min && position <= max;
+                    if !inside && !self.cells_overlap() {
                         violations.report(Violation::SplitOutsideCell {
                             node: index,
                             axis,
@@ -428,6 +438,9 @@ impl KdTree<'_> {
         if reported != expected {
             violations.report(Violation::SkippedCount { reported, expected });
         }
+        if self.cells_overlap() {
+            return self.check_listing(violations);
+        }
         let found: Vec<Violation> = all
             .into_par_iter()
             .with_min_len(CHUNK)
@@ -436,6 +449,20 @@ impl KdTree<'_> {
             .collect();
         for violation in found {
             violations.report(violation);
+        }
+    }
+
+    /// Where cells overlap, each triangle is to be in one leaf.
+    fn check_listing(&self, violations: &mut Violations) {
+        let mesh = self.mesh();
+        let mut times = vec![0; mesh.triangles().len()];
+        for &triangle in self.references() {
+            times[triangle as usize] += 1;
+        }
+        for (triangle, &times) in (0..).zip(&times) {
+            if times != usize::from(mesh.is_traceable(triangle)) {
+                violations.report(Violation::NotInOneLeaf { triangle, times });
+            }
         }
     }
 

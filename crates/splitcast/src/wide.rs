@@ -21,7 +21,7 @@ pub(crate) use collapse::contents;
 use leaf::LeafMemory;
 
 use crate::kd_tree::{Node, NodeKind};
-use crate::{Aabb, Mesh};
+use crate::{Aabb, CostModel, Mesh};
 
 /// Children of a node, and triangles of a block: one a lane.
 pub(crate) const LANES: usize = 8;
@@ -41,7 +41,7 @@ pub(crate) struct WideNode {
     pub(crate) bounds: [[f32; LANES]; 6],
     /// Inner node: the children's indices. Leaf: each lane's first block.
     pub(crate) first: [u32; LANES],
-    /// Inner node: zeros. Leaf: the block after each lane's last.
+    /// Inner node: zeros. Leaf: the block after each lane's last, which is not 0 in the first lane.
     pub(crate) end: [u32; LANES],
 }
 
@@ -58,6 +58,13 @@ impl WideNode {
         ],
         first: [0; LANES],
         end: [0; LANES],
+    };
+
+    /// A leaf without blocks.
+    pub(crate) const EMPTY_LEAF: Self = {
+        let mut leaf = Self::EMPTY;
+        (leaf.first[0], leaf.end[0]) = (1, 1);
+        leaf
     };
 
     pub(crate) fn set_bounds(&mut self, lane: usize, bounds: &Aabb) {
@@ -87,7 +94,7 @@ impl WideNode {
         }
     }
 
-    /// Whether the children are blocks. A leaf of none is none of either.
+    /// Whether the children are blocks.
     #[inline(always)]
     pub(crate) fn is_leaf(&self) -> bool {
         self.end[0] > 0
@@ -120,6 +127,13 @@ pub(crate) struct Block {
 }
 
 impl Block {
+    /// A block that nobody has filled.
+    pub(crate) const ZERO: Self = Self {
+        corner: [[0.0; LANES]; 3],
+        edges: [[[0.0; LANES]; 3]; 2],
+        triangles: [0; LANES],
+    };
+
     /// The triangles, each once.
     pub(crate) fn distinct(&self) -> impl Iterator<Item = u32> {
         // What fills up a block repeats its last.
@@ -230,6 +244,20 @@ impl WideTree {
     /// Number of leaves: the nodes before the first inner one.
     pub(crate) fn leaf_count(&self) -> usize {
         self.nodes.len() - self.origins.len()
+    }
+
+    /// Expected cost of a ray that meets the box around all, times the area of that
+    /// ([`TreeStats::traced_cost`](crate::TreeStats::traced_cost)).
+    pub(crate) fn weighted_cost(&self, cost: &CostModel) -> f64 {
+        let mut sum = 0.0;
+        for node in &self.nodes {
+            sum += f64::from(cost.traversal) * f64::from(node.content().half_area());
+            for lane in (0..LANES).filter(|_| node.is_leaf()) {
+                let work = cost.leaf((node.blocks(lane).len() * LANES) as u32);
+                sum += f64::from(work) * f64::from(node.bounds_of(lane).half_area());
+            }
+        }
+        sum
     }
 
     /// Where a ray begins.

@@ -16,48 +16,79 @@ use crate::{Aabb, Mesh};
 /// Triangles of a leaf whose blocks fill a wide node.
 const FULL_LEAF: usize = LANES * LANES;
 
-/// Blocks that are formed anew at once. Two thousand neighbors sort nearly as well as all.
-pub(super) const BATCH: usize = 512;
-
-/// One block in so many tells how all do.
-const SAMPLE: usize = 16;
-
-/// A block whose box has grown by this factor, set against its triangles, has come apart.
-const APART: f32 = 1.4;
+/// Neighboring blocks whose boxes have grown by this factor, set against their triangles, have come apart.
+const APART: f32 = 1.2;
 
 /// What a tracker knows of its tree's blocks, each by its index.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clusters {
     /// Around each block; empty where there is none.
     pub(super) boxes: Vec<Reference>,
-    /// The area of each box over those of the triangles' boxes, when the block was formed.
-    spread: Vec<f32>,
+    /// Half the areas of the boxes of each block's triangles, added up.
+    areas: Vec<f32>,
+    /// The area of each box over these, when the block was formed.
+    spreads: Vec<f32>,
     /// Indices without a block.
     free: Vec<u32>,
     /// Each triangle's block; empty if nobody has asked since they changed.
     homes: Vec<u32>,
 }
 
-/// How blocks do.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Wear {
-    /// By how much more boxes have grown than their triangles, as a factor.
-    pub(super) growth: f32,
+/// Blocks of triangles that follow each other in the mesh: the least that can be done, and all to be
+/// formed anew.
+pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
+    let (mut blocks, mut clusters) = (Blocks::default(), Clusters::default());
+    let all: Vec<u32> = (0..triangles.len())
+        .map(|place| triangles.triangle(place))
+        .collect();
+    for triangles in all.chunks(LANES * CHUNK) {
+        let block = |own: &[u32]| {
+            let mut block = Block::ZERO;
+            for (lane, triangle) in block.triangles.iter_mut().enumerate() {
+                *triangle = own[lane.min(own.len() - 1)];
+            }
+            block
+        };
+        let chunk: Vec<Block> = triangles.chunks(LANES).map(block).collect();
+        blocks.chunks.push(Arc::new(chunk));
+    }
+    clusters.grow(blocks.end());
+    for own in &mut clusters.boxes {
+        *own = Reference::new([0.0; 3], [0.0; 3], own.triangle);
+    }
+    clusters.refit(triangles.mesh(), &mut blocks, None);
+    (blocks, clusters)
 }
 
 /// A tree over triangles, each in one leaf, and what is to be known of its blocks.
 pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
+    let (mut storage, mut clusters) = (formed(triangles), Clusters::default());
+    let wide = &mut storage.wide;
+    clusters.grow(wide.blocks.end());
+    for leaf in &wide.nodes()[..wide.leaf_count()] {
+        for lane in 0..LANES {
+            for block in leaf.blocks(lane) {
+                let Aabb { min, max } = leaf.bounds_of(lane);
+                clusters.boxes[block] = Reference::new(min, max, block as u32);
+            }
+        }
+    }
+    let unused = clusters.boxes.iter().filter(|own| own.is_empty());
+    clusters.free = unused.map(|own| own.triangle).collect();
+    clusters.refit(triangles.mesh(), &mut wide.blocks, None);
+    for index in 0..clusters.boxes.len() {
+        clusters.spreads[index] = clusters.spread(index);
+    }
+    (storage, clusters)
+}
+
+/// A tree over triangles, whose leaves have as many as fill a wide node.
+fn formed(triangles: &Triangles<'_>) -> Storage {
     let mut references = triangles.references();
     let subtree = object_split::sort(&mut references, FULL_LEAF);
-    let wide = WideTree::new(
-        triangles.mesh(),
-        Cells::Overlapping,
-        subtree.nodes(),
-        subtree.references(),
-    );
-    let storage = by_blocks(subtree.nodes(), wide);
-    let clusters = Clusters::of(&storage.wide);
-    (storage, clusters)
+    let (nodes, members) = (subtree.nodes(), subtree.references());
+    let wide = WideTree::new(triangles.mesh(), Cells::Overlapping, nodes, members);
+    by_blocks(nodes, wide)
 }
 
 /// The tree of wide leaves with a block a lane.
@@ -69,7 +100,11 @@ fn by_blocks(nodes: &[Node], wide: WideTree) -> Storage {
         NodeKind::Leaf { .. } => {
             let first = members.len();
             let leaf = leaves.next().expect("a wide leaf for each leaf");
-            members.extend((0..LANES).flat_map(|lane| leaf.blocks(lane)).map(|b| b as u32));
+            members.extend(
+                (0..LANES)
+                    .flat_map(|lane| leaf.blocks(lane))
+                    .map(|b| b as u32),
+            );
             Node::leaf(first, members.len() - first)
         }
     };
@@ -82,32 +117,15 @@ fn by_blocks(nodes: &[Node], wide: WideTree) -> Storage {
 }
 
 impl Clusters {
-    /// What is to be known of the blocks of new leaves.
-    fn of(wide: &WideTree) -> Self {
-        let mut clusters = Self::default();
-        clusters.grow(wide.blocks.end());
-        for leaf in &wide.nodes()[..wide.leaf_count()] {
-            for lane in 0..LANES {
-                for block in leaf.blocks(lane) {
-                    let Aabb { min, max } = leaf.bounds_of(lane);
-                    clusters.boxes[block] = Reference::new(min, max, block as u32);
-                }
-            }
-        }
-        let spread = |own: &Reference| spread(own, &wide.blocks);
-        clusters.boxes.par_iter().map(spread).collect_into_vec(&mut clusters.spread);
-        let unused = clusters.boxes.iter().filter(|own| own.is_empty());
-        clusters.free = unused.map(|own| own.triangle).collect();
-        clusters
-    }
-
     /// Makes room for blocks of indices below `end`.
     fn grow(&mut self, end: usize) {
         let none = Aabb::EMPTY;
         for index in self.boxes.len()..end {
-            self.boxes.push(Reference::new(none.min, none.max, index as u32));
+            self.boxes
+                .push(Reference::new(none.min, none.max, index as u32));
         }
-        self.spread.resize(end, 0.0);
+        self.areas.resize(self.boxes.len(), 0.0);
+        self.spreads.resize(self.boxes.len(), 0.0);
     }
 
     /// Number of blocks.
@@ -117,20 +135,22 @@ impl Clusters {
 
     /// Brings blocks up to date with the mesh: all, or those that `moved` marks.
     pub(super) fn refit(&mut self, mesh: Mesh<'_>, blocks: &mut Blocks, moved: Option<&[bool]>) {
-        let chunks = blocks.chunks.par_iter_mut().zip(self.boxes.par_chunks_mut(CHUNK));
-        chunks.enumerate().for_each(|(index, (chunk, boxes))| match moved {
-            None => {
-                let chunk: &mut Vec<Block> = Arc::make_mut(chunk);
-                refit_blocks(mesh, chunk, boxes, |_| true);
-            },
-            Some(moved) => {
-                let moved = &moved[index * CHUNK..][..boxes.len()];
-                if moved.contains(&true) {
-                    let chunk: &mut Vec<Block> = Arc::make_mut(chunk);
-                    refit_blocks(mesh, chunk, boxes, |place| moved[place]);
+        let boxes = self.boxes.par_chunks_mut(CHUNK);
+        let areas = self.areas.par_chunks_mut(CHUNK);
+        let chunks = blocks.chunks.par_iter_mut().zip(boxes.zip(areas));
+        chunks
+            .enumerate()
+            .for_each(|(index, (chunk, (boxes, areas)))| {
+                let moved = moved.map(|moved| &moved[index * CHUNK..][..boxes.len()]);
+                if moved.is_some_and(|moved| !moved.contains(&true)) {
+                    return;
                 }
-            }
-        });
+                let chunk: &mut Vec<Block> = Arc::make_mut(chunk);
+                match moved {
+                    None => refit_blocks(mesh, chunk, boxes, areas, |_| true),
+                    Some(moved) => refit_blocks(mesh, chunk, boxes, areas, |place| moved[place]),
+                }
+            });
     }
 
     /// Each triangle's block.
@@ -146,27 +166,45 @@ impl Clusters {
         &self.homes
     }
 
-    /// How much blocks have come apart, by a sample.
-    pub(super) fn wear(&self, blocks: &Blocks) -> Wear {
-        let sample = self.boxes.iter().step_by(SAMPLE).filter(|own| !own.is_empty());
+    /// Half the areas of the boxes around all blocks, and what they would be if these were as close as
+    /// when they were formed.
+    pub(super) fn areas(&self) -> (f32, f32) {
         let (mut now, mut formed) = (0.0, 0.0);
-        for own in sample {
-            let index = own.triangle as usize;
-            now += own.bounds().half_area();
-            formed += self.spread[index] * triangle_areas(blocks.get(index));
+        for (index, own) in self.boxes.iter().enumerate() {
+            if !own.is_empty() {
+                now += own.bounds().half_area();
+                formed += self.spreads[index] * self.areas[index];
+            }
         }
-        let growth = if formed > 0.0 { now / formed } else { 1.0 };
-        Wear { growth }
+        (now, formed)
     }
 
-    /// Of `members`, those that have come apart.
-    pub(super) fn apart(&self, members: &[u32], blocks: &Blocks) -> Vec<u32> {
-        let is_apart = |&&block: &&u32| {
-            let index = block as usize;
-            let own = &self.boxes[index];
-            spread(own, blocks) > APART * self.spread[index]
+    /// Of runs of neighboring blocks, those that have come apart.
+    pub(super) fn apart(&self, regions: &[&[u32]]) -> Vec<Vec<u32>> {
+        // Some may just have been given up.
+        let in_use = |block: &&u32| !self.boxes[**block as usize].is_empty();
+        let is_apart = |region: &&&[u32]| {
+            let (mut now, mut formed) = (0.0, 0.0);
+            for &block in region.iter().filter(in_use) {
+                let index = block as usize;
+                now += self.boxes[index].bounds().half_area();
+                formed += self.spreads[index] * self.areas[index];
+            }
+            now > APART * formed
         };
-        members.par_iter().with_min_len(BATCH).filter(is_apart).copied().collect()
+        let found = regions.iter().filter(is_apart);
+        let found = found.map(|region| region.iter().filter(in_use).copied().collect());
+        found.collect()
+    }
+
+    /// The area of a block's box over those of its triangles' boxes; 0 if these have none.
+    fn spread(&self, index: usize) -> f32 {
+        let own = &self.boxes[index];
+        let spread = own.bounds().half_area() / self.areas[index];
+        if own.is_empty() || !spread.is_finite() {
+            return 0.0;
+        }
+        spread
     }
 
     /// Takes the triangles from `count` on out of their blocks.
@@ -175,7 +213,12 @@ impl Clusters {
         for own in self.boxes.iter_mut().filter(|own| !own.is_empty()) {
             let index = own.triangle as usize;
             let gone = |triangle: u32| triangle as usize >= count;
-            if !blocks.get(index).triangles.iter().any(|&triangle| gone(triangle)) {
+            if !blocks
+                .get(index)
+                .triangles
+                .iter()
+                .any(|&triangle| gone(triangle))
+            {
                 continue;
             }
             let chunk = Arc::make_mut(&mut blocks.chunks[index / CHUNK]);
@@ -204,29 +247,46 @@ impl Clusters {
         self.put(blocks, formed);
     }
 
-    /// Forms the triangles of some blocks into new ones.
-    pub(super) fn form_anew(&mut self, mesh: Mesh<'_>, blocks: &mut Blocks, olds: &[u32]) {
+    /// Forms the triangles of each of some runs of neighboring blocks into new ones, and gives the
+    /// number of triangles.
+    pub(super) fn form_anew(
+        &mut self,
+        mesh: Mesh<'_>,
+        blocks: &mut Blocks,
+        olds: &[Vec<u32>],
+    ) -> usize {
         self.homes.clear();
-        let batches: Vec<Vec<(Block, Aabb)>> = olds
-            .par_chunks(BATCH)
+        let batches: Vec<(usize, Vec<NewBlock>)> = olds
+            .par_iter()
             .map(|batch| {
-                let triangles = batch.iter().flat_map(|&old| blocks.get(old as usize).distinct());
-                form_blocks(mesh, triangles.collect())
+                let triangles = batch
+                    .iter()
+                    .flat_map(|&old| blocks.get(old as usize).distinct());
+                let triangles: Vec<u32> = triangles.collect();
+                (triangles.len(), form_blocks(mesh, triangles))
             })
             .collect();
-        for &old in olds.iter().rev() {
+        for &old in olds.iter().flatten().rev() {
             let none = Aabb::EMPTY;
             self.boxes[old as usize] = Reference::new(none.min, none.max, old);
             self.free.push(old);
         }
-        for formed in batches {
+        let mut count = 0;
+        for (triangles, formed) in batches {
             self.put(blocks, formed);
+            count += triangles;
         }
+        count
     }
 
     /// Puts blocks where there is room.
-    fn put(&mut self, blocks: &mut Blocks, formed: Vec<(Block, Aabb)>) {
-        for (block, bounds) in formed {
+    fn put(&mut self, blocks: &mut Blocks, formed: Vec<NewBlock>) {
+        for NewBlock {
+            block,
+            bounds,
+            area,
+        } in formed
+        {
             let index = match self.free.pop() {
                 Some(index) => index as usize,
                 None => self.boxes.len(),
@@ -245,38 +305,40 @@ impl Clusters {
             }
             let own = Reference::new(bounds.min, bounds.max, index as u32);
             self.boxes[index] = own;
-            self.spread[index] = spread(&own, blocks);
+            self.areas[index] = area;
+            self.spreads[index] = self.spread(index);
         }
     }
 
     /// Bytes allocated.
     pub(super) fn bytes(&self) -> usize {
         self.boxes.capacity() * size_of::<Reference>()
-            + self.spread.capacity() * size_of::<f32>()
+            + (self.areas.capacity() + self.spreads.capacity()) * size_of::<f32>()
             + (self.free.capacity() + self.homes.capacity()) * size_of::<u32>()
     }
 }
 
-/// Triangles in blocks of neighbors, on this thread, with the boxes around them.
-fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<(Block, Aabb)> {
-    let mut references = Triangles::these(mesh, triangles).references();
-    let subtree = object_split::sort(&mut references, FULL_LEAF);
-    let wide = WideTree::new(mesh, Cells::Overlapping, subtree.nodes(), subtree.references());
-    let leaves = wide.nodes()[..wide.leaf_count()].iter();
-    leaves
-        .flat_map(|leaf| {
-            let blocks = (0..LANES).flat_map(|lane| leaf.blocks(lane).map(move |b| (lane, b)));
-            blocks.map(|(lane, block)| (*wide.block(block), leaf.bounds_of(lane)))
-        })
-        .collect()
+/// A block that has no place yet.
+struct NewBlock {
+    block: Block,
+    bounds: Aabb,
+    /// Half the areas of the boxes of its triangles, added up.
+    area: f32,
 }
 
-/// The area of a block's box over those of its triangles' boxes; 0 if these have none.
-fn spread(own: &Reference, blocks: &Blocks) -> f32 {
-    if own.is_empty() {
-        return 0.0;
+/// Triangles in blocks of neighbors.
+fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<NewBlock> {
+    let wide = formed(&Triangles::these(mesh, triangles)).wide;
+    let mut blocks = Vec::with_capacity(wide.blocks.end());
+    for leaf in &wide.nodes()[..wide.leaf_count()] {
+        for lane in 0..LANES {
+            let bounds = leaf.bounds_of(lane);
+            blocks.extend(leaf.blocks(lane).map(|index| NewBlock {
+                block: *wide.block(index),
+                bounds,
+                area: triangle_areas(wide.block(index)),
+            }));
+        }
     }
-    let areas = triangle_areas(blocks.get(own.triangle as usize));
-    let spread = own.bounds().half_area() / areas;
-    if spread.is_finite() { spread } else { 0.0 }
+    blocks
 }

@@ -85,11 +85,6 @@ impl Buckets {
             .fold(Aabb::EMPTY, |bounds, batch| bounds.union(&batch.bounds))
     }
 
-    /// Whether a bucket has any.
-    pub(super) fn any(&self, bucket: usize) -> bool {
-        self.starts[bucket] < self.starts[bucket + 1]
-    }
-
     /// Number of references in all buckets.
     pub(super) fn total(&self) -> usize {
         self.batches

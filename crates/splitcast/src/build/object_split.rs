@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x8, mask32x4};
+use fearless_simd::{f32x4, f32x8, f32x16, mask32x4, mask32x16, u32x4};
 
 use super::descent::SplitCandidate;
 use super::subtree::OpenInner;
@@ -18,11 +18,11 @@ use crate::simd::{Kernel, dispatch};
 /// Bins of an axis.
 const BINS: usize = 16;
 
-/// Bins of an axis in nodes of few members, where most of the time goes into comparing planes.
-const FEW_BINS: usize = 8;
+/// Planes of an axis that small nodes are tried with, all in one register with those of the other two.
+const PLANES: usize = 5;
 
-/// Nodes of so many members have [`FEW_BINS`].
-const FEW: usize = 64;
+/// Nodes of so many members are small: to sort them into bins takes less time than to go through these.
+const SMALL: usize = 96;
 
 /// Nodes of more members are searched by a sample of about this many.
 const SAMPLE: usize = 1024;
@@ -140,22 +140,37 @@ fn split<S: Simd>(
     let centers = Centers::of(simd, members, stride);
     let halvings = members.len().div_ceil(most).next_power_of_two().ilog2();
     if levels > halvings {
-        let found = if members.len() <= FEW {
-            centers.find_split::<S, FEW_BINS>(simd, members, stride)
+        let found = if members.len() <= SMALL {
+            centers.find_among_few(simd, members, most)
         } else {
-            centers.find_split::<S, BINS>(simd, members, stride)
+            centers.find_by_bins(simd, members, stride)
         };
-        if let Some((plane, threshold, bins)) = found {
-            let left = centers.partition(members, &plane, threshold, bins);
+        if let Some((axis, position)) = found {
+            let left = partition(members, axis, position);
             if left > 0 && left < members.len() {
-                return (left, plane);
+                let position = 0.5 * position + 0.0;
+                return (left, SplitCandidate { axis, position });
             }
         }
     }
     centers.halve(members)
 }
 
-/// Where the centers of boxes are; coordinates are doubled, to save a product.
+/// Brings the members whose centers are on the left of a plane to the front, and gives their
+/// number.
+#[inline(always)]
+fn partition(members: &mut [Reference], axis: usize, position: f32) -> usize {
+    let mut left = 0;
+    for place in 0..members.len() {
+        let member = members[place];
+        members.swap(place, left);
+        left += usize::from(member.min[axis] + member.max[axis] < position);
+    }
+    left
+}
+
+/// Where the centers of boxes are. Their coordinates, and those of planes between them, are doubled here,
+/// to save a product.
 struct Centers {
     min: [f32; 4],
     max: [f32; 4],
@@ -177,91 +192,127 @@ impl Centers {
         }
     }
 
-    /// Bins for each unit of length; none where all centers are in one place.
-    fn scale(&self, axis: usize, bins: usize) -> f32 {
-        let extent = self.max[axis] - self.min[axis];
-        let scale = bins as f32 * (1.0 - f32::EPSILON) / extent;
-        if scale.is_finite() { scale } else { 0.0 }
+    /// The cheapest of a few planes, by trying all.
+    #[inline(always)]
+    fn find_among_few<S: Simd>(
+        &self,
+        simd: S,
+        members: &[Reference],
+        most: usize,
+    ) -> Option<(usize, f32)> {
+        // A lane for each plane of each axis; the last has none, and nothing is on its left.
+        let mut planes = [f32::NEG_INFINITY; 16];
+        for axis in 0..3 {
+            let step = (self.max[axis] - self.min[axis]) / (PLANES + 1) as f32;
+            for plane in 0..PLANES {
+                planes[axis * PLANES + plane] = self.min[axis] + (plane + 1) as f32 * step;
+            }
+        }
+        let positions = f32x16::simd_from(simd, planes);
+        let of_y = mask32x16::from_bitmask(simd, 0b11111 << PLANES);
+        let of_z = mask32x16::from_bitmask(simd, 0b11111 << (2 * PLANES));
+        let lowest = f32x16::splat(simd, f32::NEG_INFINITY);
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+        // Lowest coordinates with their signs reversed, then highest: all grow alike.
+        let mut left = [lowest; 6];
+        let mut right = [lowest; 6];
+        let mut left_count = zero;
+        for member in members {
+            let [a, b, c] = member.min;
+            let [d, e, f] = member.max;
+            let center = of_y.select(
+                f32x16::splat(simd, b + e),
+                of_z.select(f32x16::splat(simd, c + f), f32x16::splat(simd, a + d)),
+            );
+            let on_left = center.simd_lt(positions);
+            left_count += on_left.select(one, zero);
+            let bounds = [-a, -b, -c, d, e, f];
+            for k in 0..6 {
+                let bound = f32x16::splat(simd, bounds[k]);
+                left[k] = left[k].max(on_left.select(bound, lowest));
+                right[k] = right[k].max(on_left.select(lowest, bound));
+            }
+        }
+        let right_count = members.len() as f32 - left_count;
+        // Areas of sides without members are infinite, their costs not numbers.
+        // A leaf costs as much as what it has room for: there had better be few, and full.
+        let most = most as f32;
+        let left_work = left_count + (left_count / most).ceil() * most;
+        let right_work = right_count + (right_count / most).ceil() * most;
+        let costs = areas(&left) * left_work + areas(&right) * right_work;
+        let costs: [f32; 16] = costs.into();
+        let (mut best, mut least) = (0, f32::INFINITY);
+        for (lane, &cost) in costs.iter().enumerate() {
+            (best, least) = if cost < least {
+                (lane, cost)
+            } else {
+                (best, least)
+            };
+        }
+        (least < f32::INFINITY).then_some((best / PLANES, planes[best]))
     }
 
-    /// The cheapest plane, and the bin that it is in front of, if there is any.
+    /// The cheapest of evenly spaced planes, by bins.
     #[inline(always)]
-    fn find_split<S: Simd, const N: usize>(
+    fn find_by_bins<S: Simd>(
         &self,
         simd: S,
         members: &[Reference],
         stride: usize,
-    ) -> Option<(SplitCandidate, f32, usize)> {
-        let scale = [self.scale(0, N), self.scale(1, N), self.scale(2, N), 0.0];
-        // Lowest corners with their signs reversed, then highest: both grow by the same operation.
+    ) -> Option<(usize, f32)> {
+        let mut scale = [0.0; 4];
+        for axis in 0..3 {
+            let bins_a_unit = BINS as f32 / (self.max[axis] - self.min[axis]);
+            scale[axis] = if bins_a_unit.is_finite() {
+                bins_a_unit
+            } else {
+                0.0
+            };
+        }
         let empty = f32x8::splat(simd, f32::NEG_INFINITY);
-        let mut boxes = [[[f32::NEG_INFINITY; 8]; N]; 3];
-        let mut counts = [[0_u32; N]; 3];
-        let (first, per_unit) = (f32x4::simd_from(simd, self.min), f32x4::simd_from(simd, scale));
+        // Lowest corners with their signs reversed, then highest: all grow alike.
+        let mut boxes = [[[f32::NEG_INFINITY; 8]; BINS]; 3];
+        let mut counts = [[0_u32; BINS]; 3];
+        let (first, per_unit) = (
+            f32x4::simd_from(simd, self.min),
+            f32x4::simd_from(simd, scale),
+        );
+        let last = f32x4::splat(simd, (BINS - 1) as f32);
         for member in members.iter().step_by(stride) {
             let (low, high) = member.lanes();
             let (low, high) = (f32x4::simd_from(simd, low), f32x4::simd_from(simd, high));
             let bounds = (-low).combine(high);
-            let places: [f32; 4] = ((center(simd, member) - first) * per_unit).into();
+            let places = ((center(simd, member) - first) * per_unit).min(last);
+            let places: [u32; 4] = places.to_int::<u32x4<S>>().into();
             for axis in 0..3 {
-                // A center that the sample did not see may be outside; NaN goes first.
-                let bin = (places[axis] as usize).min(N - 1);
+                let bin = places[axis] as usize % BINS;
                 let own = &mut boxes[axis][bin];
                 *own = f32x8::simd_from(simd, *own).max(bounds).into();
                 counts[axis][bin] += 1;
             }
         }
-        let mut best = (f32::INFINITY, 0, 0);
+        let (mut least, mut best) = (f32::INFINITY, None);
         for axis in 0..3 {
-            if scale[axis] == 0.0 {
-                continue;
-            }
-            let mut right_costs = [0.0; N];
+            let mut right_costs = [0.0; BINS];
             let (mut bounds, mut count) = (empty, 0);
-            for bin in (1..N).rev() {
+            for bin in (1..BINS).rev() {
                 bounds = bounds.max(f32x8::simd_from(simd, boxes[axis][bin]));
                 count += counts[axis][bin];
                 right_costs[bin] = half_area(bounds) * count as f32;
             }
-            let all = count + counts[axis][0];
             let (mut bounds, mut count) = (empty, 0);
-            for bin in 1..N {
+            for bin in 1..BINS {
                 bounds = bounds.max(f32x8::simd_from(simd, boxes[axis][bin - 1]));
                 count += counts[axis][bin - 1];
-                // Areas of sides without members are NaN, and never the least.
+                // Areas of sides without members are infinite, their costs not numbers.
                 let cost = half_area(bounds) * count as f32 + right_costs[bin];
-                if cost < best.0 && count > 0 && count < all {
-                    best = (cost, axis, bin);
+                if cost < least {
+                    least = cost;
+                    best = Some((axis, self.min[axis] + bin as f32 / scale[axis]));
                 }
             }
         }
-        let (cost, axis, bin) = best;
-        (cost < f32::INFINITY).then(|| {
-            let position = 0.5 * (self.min[axis] + bin as f32 / scale[axis]) + 0.0;
-            (SplitCandidate { axis, position }, bin as f32, N)
-        })
-    }
-
-    /// Brings the members of the bins in front of `threshold` to the front.
-    #[inline(always)]
-    fn partition(
-        &self,
-        members: &mut [Reference],
-        plane: &SplitCandidate,
-        threshold: f32,
-        bins: usize,
-    ) -> usize {
-        let axis = plane.axis;
-        let (first, scale) = (self.min[axis], self.scale(axis, bins));
-        let mut left = 0;
-        for place in 0..members.len() {
-            let member = members[place];
-            let center = member.min[axis] + member.max[axis];
-            members[place] = members[left];
-            members[left] = member;
-            left += usize::from((center - first) * scale < threshold);
-        }
-        left
+        best
     }
 
     /// Divides the members into halves, along the axis on which their centers are spread most.
@@ -296,7 +347,16 @@ fn center<S: Simd>(simd: S, member: &Reference) -> f32x4<S> {
     coordinates.select(low, zero) + coordinates.select(high, zero)
 }
 
-/// Half the surface area of a box, given as in [`Centers::find_split`].
+/// Half the surface areas of boxes, given by their lowest coordinates with signs reversed and their
+/// highest.
+#[inline(always)]
+fn areas<S: Simd>(bounds: &[f32x16<S>; 6]) -> f32x16<S> {
+    let [a, b, c, d, e, f] = *bounds;
+    let (x, y, z) = (a + d, b + e, c + f);
+    x * y + (x + y) * z
+}
+
+/// Half the surface area of one.
 #[inline(always)]
 fn half_area<S: Simd>(bounds: f32x8<S>) -> f32 {
     let (minus_low, high) = bounds.split();

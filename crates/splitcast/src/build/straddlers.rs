@@ -10,9 +10,8 @@ use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 
 use super::Reference;
+use crate::Mesh;
 use crate::aabb::{lower, upper};
-use crate::simd::{Kernel, dispatch};
-use crate::{Aabb, Mesh};
 
 /// Straddlers divided at once: one 256-bit register of single-precision values.
 pub(super) const LANES: usize = 8;
@@ -146,53 +145,6 @@ pub(super) fn divide<S: Simd>(
     }
 }
 
-/// Cuts references down to what lies in `cell`, into which all of them reach.
-pub(super) fn cut_to_cell(mesh: Mesh<'_>, references: &mut Vec<Reference>, cell: &Aabb) {
-    struct CutToCell<'a, 'm> {
-        mesh: Mesh<'m>,
-        references: &'a mut [Reference],
-        cell: &'a Aabb,
-    }
-    impl Kernel for CutToCell<'_, '_> {
-        type Output = ();
-
-        #[inline(always)]
-        fn run<S: Simd>(self, simd: S) {
-            let Self {
-                mesh,
-                references,
-                cell,
-            } = self;
-            let mut straddlers = Vec::with_capacity(references.len());
-            let mut places = Vec::with_capacity(references.len());
-            for axis in 0..3 {
-                for (position, keeps_left) in [(cell.min[axis], false), (cell.max[axis], true)] {
-                    straddlers.clear();
-                    places.clear();
-                    for (place, reference) in references.iter().enumerate() {
-                        if reference.min[axis] < position && reference.max[axis] > position {
-                            straddlers.push(*reference);
-                            places.push(place);
-                        }
-                    }
-                    let mut places = places.iter();
-                    divide(simd, &straddlers, mesh, axis, position, |left, right| {
-                        if let Some(&place) = places.next() {
-                            references[place] = if keeps_left { left } else { right };
-                        }
-                    });
-                }
-            }
-        }
-    }
-    dispatch(CutToCell {
-        mesh,
-        references,
-        cell,
-    });
-    references.retain(|reference| !reference.is_empty());
-}
-
 /// Loads corners. Spelled out: the closures of `array::map` are compiled without the kernel's
 /// instruction set.
 #[inline(always)]
@@ -293,6 +245,7 @@ mod tests {
 
     use super::*;
     use crate::build::clip::clipped_bounds;
+    use crate::simd::{Kernel, dispatch};
 
     struct Divide<'a, 'm>(&'a [Reference], Mesh<'m>, usize, f32);
 

@@ -71,45 +71,17 @@ impl NodeWriter {
 
     /// Appends a subtree that was written elsewhere.
     pub(crate) fn append(&mut self, other: &Subtree) {
-        let Subtree { nodes, references } = other;
-        self.append_part(nodes, 0..nodes.len(), references, 0..references.len());
-    }
-
-    /// Appends a subtree of another tree: a range of its nodes, whose leaves own
-    /// `own_references` among all of the tree's.
-    pub(crate) fn append_part(
-        &mut self,
-        all_nodes: &[Node],
-        own_nodes: Range<usize>,
-        all_references: &[u32],
-        own_references: Range<usize>,
-    ) {
         let Subtree { nodes, references } = &mut self.subtree;
-        // What was counted from the start of the other tree is counted from here: unsigned numbers
-        // wrap around and back.
-        let node_base = nodes.len().wrapping_sub(own_nodes.start);
-        let reference_base = references.len().wrapping_sub(own_references.start);
-        references.extend_from_slice(&all_references[own_references]);
-        nodes.extend(all_nodes[own_nodes].iter().map(|node| match node.kind() {
+        let (node_base, reference_base) = (nodes.len(), references.len());
+        references.extend_from_slice(&other.references);
+        nodes.extend(other.nodes.iter().map(|node| match node.kind() {
             NodeKind::Inner {
                 axis,
                 position,
                 right,
-            } => Node::inner(axis, position, right.wrapping_add(node_base)),
-            NodeKind::Leaf { first, count } => {
-                Node::leaf(first.wrapping_add(reference_base), count)
-            }
+            } => Node::inner(axis, position, right + node_base),
+            NodeKind::Leaf { first, count } => Node::leaf(first + reference_base, count),
         }));
-    }
-
-    /// Numbers of nodes and of references written so far.
-    pub(crate) fn len(&self) -> (usize, usize) {
-        (self.subtree.nodes.len(), self.subtree.references.len())
-    }
-
-    /// The expected cost, times the area of its cell, of a complete subtree that was written last.
-    pub(crate) fn expected_cost(&self, root: usize, cell: Aabb, cost: &CostModel) -> f64 {
-        expected_cost(&self.subtree.nodes[root..], cell, cost)
     }
 
     /// The subtree written so far.
@@ -132,15 +104,6 @@ impl Subtree {
     /// All nodes, depth first.
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes
-    }
-
-    /// The part of the expected cost that is due to inner nodes, times the area of the cell.
-    pub(crate) fn planes_cost(&self, cell: Aabb, cost: &CostModel) -> f64 {
-        let planes_only = CostModel {
-            intersection: 0.0,
-            ..*cost
-        };
-        expected_cost(&self.nodes, cell, &planes_only)
     }
 
     /// Makes the whole tree of this subtree.
@@ -184,25 +147,13 @@ impl Subtree {
     }
 }
 
-/// Expected cost of a ray that meets `cell` (MacDonald & Booth 1990), times its area, of the
-/// subtree that `nodes` are.
-pub(super) fn expected_cost(nodes: &[Node], mut cell: Aabb, cost: &CostModel) -> f64 {
-    let mut sum = 0.0;
-    let mut right_cells = Vec::new();
-    for node in nodes {
-        let area = f64::from(cell.half_area());
-        match node.kind() {
-            NodeKind::Inner { axis, position, .. } => {
-                sum += area * f64::from(cost.traversal);
-                let (left, right) = cell.split(axis, position);
-                right_cells.push(right);
-                cell = left;
-            }
-            NodeKind::Leaf { count, .. } => {
-                sum += area * f64::from(cost.leaf(count as u32));
-                cell = right_cells.pop().unwrap_or(cell);
-            }
-        }
-    }
-    sum
+/// Where the members of a subtree are.
+pub(super) fn members_of(nodes: &[Node]) -> Range<usize> {
+    let mut leaves = nodes.iter().filter_map(|node| match node.kind() {
+        NodeKind::Leaf { first, count } => Some(first..first + count),
+        NodeKind::Inner { .. } => None,
+    });
+    let first = leaves.next().unwrap_or_default();
+    let end = leaves.next_back().map_or(first.end, |last| last.end);
+    first.start..end
 }

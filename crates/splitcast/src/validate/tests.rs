@@ -1,7 +1,7 @@
 //! A whole tree, and that tree broken in every way that has a name.
 
 use super::*;
-use crate::wide::WideTree;
+use crate::wide::{Cells, WideTree};
 use crate::{BuildOptions, CostModel, Mesh, Node};
 
 /// Three triangles in the box (0, 0, 0) to (4, 2, 1): one left of x = 2,
@@ -62,7 +62,12 @@ impl Parts {
             return violations.list;
         }
         // Nodes that make sense have a wide form.
-        let wide = WideTree::new(mesh, self.bounds, &self.nodes, &self.references);
+        let wide = WideTree::new(
+            mesh,
+            Cells::Disjoint(self.bounds),
+            &self.nodes,
+            &self.references,
+        );
         tree.with_wide(wide).validate().err().unwrap_or_default()
     }
 }

@@ -91,7 +91,7 @@ fn node<S: Simd>(
     memory: &mut LeafMemory,
     blocks: &mut Vec<Block>,
 ) -> WideNode {
-    let mut node = WideNode::EMPTY;
+    let mut node = WideNode::EMPTY_LEAF;
     // Segments of the order in reverse, with how often each has been halved.
     let mut segments = [(0, triangles.len(), 0); LANES];
     let mut waiting = 1;
@@ -248,35 +248,39 @@ impl LeafMemory {
             let next = (segment.start + k).min(segment.end - 1);
             *place = self.order.places[next].to_bits() as usize;
         }
-        let of = |corner: usize| {
-            let [a, b, c, d, e, f, g, h] = places.map(|place| &self.corners[place][corner]);
-            points(simd, [a, b, c, d, e, f, g, h])
-        };
-        Block::of_points(of(0), of(1), of(2), places.map(|place| triangles[place]))
+        let mut own = [0; LANES];
+        for (k, own) in own.iter_mut().enumerate() {
+            *own = triangles[places[k]];
+        }
+        let mut corners = [[[0.0; 4]; 3]; LANES];
+        for (k, corners) in corners.iter_mut().enumerate() {
+            *corners = self.corners[places[k]];
+        }
+        Block::of_corners(simd, &corners, own)
     }
 }
 
 impl Block {
     /// The block of triangles with these corners.
     #[inline(always)]
-    pub(super) fn of_points<S: Simd>(
-        a: [f32x8<S>; 3],
-        b: [f32x8<S>; 3],
-        c: [f32x8<S>; 3],
+    pub(super) fn of_corners<S: Simd>(
+        simd: S,
+        corners: &[[[f32; 4]; 3]; LANES],
         triangles: [u32; LANES],
     ) -> Self {
-        let edge = |to: [f32x8<S>; 3]| {
-            [
-                (to[0] - a[0]).into(),
-                (to[1] - a[1]).into(),
-                (to[2] - a[2]).into(),
-            ]
-        };
-        Self {
-            corner: [a[0].into(), a[1].into(), a[2].into()],
-            edges: [edge(b), edge(c)],
+        let a = points(simd, corners, 0);
+        let b = points(simd, corners, 1);
+        let c = points(simd, corners, 2);
+        let mut block = Self {
             triangles,
+            ..Self::ZERO
+        };
+        for axis in 0..3 {
+            block.corner[axis] = a[axis].into();
+            block.edges[0][axis] = (b[axis] - a[axis]).into();
+            block.edges[1][axis] = (c[axis] - a[axis]).into();
         }
+        block
     }
 }
 
@@ -391,14 +395,13 @@ pub(super) fn lanes<S: Simd>(simd: S, [x, y, z]: &[f32; 3]) -> f32x4<S> {
     f32x4::simd_from(simd, [*x, *y, *z, 0.0])
 }
 
-/// Eight points by axis.
+/// One corner of each of eight triangles, by axis.
 #[inline(always)]
-pub(super) fn points<S: Simd>(
-    simd: S,
-    [a, b, c, d, e, f, g, h]: [&[f32; 4]; LANES],
-) -> [f32x8<S>; 3] {
-    let [x, y, z] = transposed(simd, [a, b, c, d]);
-    let [other_x, other_y, other_z] = transposed(simd, [e, f, g, h]);
+fn points<S: Simd>(simd: S, triangles: &[[[f32; 4]; 3]; LANES], corner: usize) -> [f32x8<S>; 3] {
+    let [a, b, c, d, e, f, g, h] = triangles;
+    let [x, y, z] = transposed(simd, [&a[corner], &b[corner], &c[corner], &d[corner]]);
+    let [other_x, other_y, other_z] =
+        transposed(simd, [&e[corner], &f[corner], &g[corner], &h[corner]]);
     [x.combine(other_x), y.combine(other_y), z.combine(other_z)]
 }
 

@@ -3,7 +3,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8};
 
-use super::leaf::{lanes, points};
+use super::leaf::lanes;
 use super::{Block, LANES, WideNode};
 use crate::Mesh;
 use crate::build::Reference;
@@ -18,18 +18,21 @@ pub(crate) struct Tally {
     pub(crate) blocks: f32,
 }
 
-/// Computes blocks, and the boxes around them, anew from where their triangles are; `wanted`
-/// says which, by their places. Boxes that are empty stay so: such blocks are not in use.
+/// Computes blocks, the boxes around them, and half the areas of the boxes of each one's triangles, added
+/// up, anew from where their triangles are; `wanted` says which, by their places. Boxes that
+/// are empty stay so: such blocks are not in use.
 pub(crate) fn refit_blocks(
     mesh: Mesh<'_>,
     blocks: &mut [Block],
     boxes: &mut [Reference],
+    areas: &mut [f32],
     wanted: impl Fn(usize) -> bool,
 ) {
     dispatch(Blocks {
         mesh,
         blocks,
         boxes,
+        areas,
         wanted,
     });
 }
@@ -39,6 +42,7 @@ struct Blocks<'a, F> {
     mesh: Mesh<'a>,
     blocks: &'a mut [Block],
     boxes: &'a mut [Reference],
+    areas: &'a mut [f32],
     wanted: F,
 }
 
@@ -51,9 +55,11 @@ impl<F: Fn(usize) -> bool> Kernel for Blocks<'_, F> {
             mesh,
             blocks,
             boxes,
+            areas,
             wanted,
         } = self;
-        for (place, (block, own)) in blocks.iter_mut().zip(boxes).enumerate() {
+        let all = blocks.iter_mut().zip(boxes).zip(areas);
+        for (place, ((block, own), area)) in all.enumerate() {
             if own.is_empty() || !wanted(place) {
                 continue;
             }
@@ -67,18 +73,8 @@ impl<F: Fn(usize) -> bool> Kernel for Blocks<'_, F> {
                 max = max.max(a).max(b.max(c));
                 corners[lane] = [a.into(), b.into(), c.into()];
             }
-            let all = &corners;
-            let point = |corner: usize| {
-                let [a, b, c, d, e, f, g, h] = all;
-                points(
-                    simd,
-                    [
-                        &a[corner], &b[corner], &c[corner], &d[corner], &e[corner], &f[corner],
-                        &g[corner], &h[corner],
-                    ],
-                )
-            };
-            *block = Block::of_points(point(0), point(1), point(2), block.triangles);
+            *block = Block::of_corners(simd, &corners, block.triangles);
+            *area = areas_of(simd, block);
             let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (min.into(), max.into());
             *own = Reference::new([a, b, c], [d, e, f], own.triangle);
         }
@@ -93,20 +89,26 @@ pub(crate) fn triangle_areas(block: &Block) -> f32 {
 
         #[inline(always)]
         fn run<S: Simd>(self, simd: S) -> f32 {
-            let zero = f32x8::splat(simd, 0.0);
-            let mut extent = [zero; 3];
-            for (axis, extent) in extent.iter_mut().enumerate() {
-                let [b, c] = &self.0.edges;
-                let b = f32x8::simd_from(simd, b[axis]);
-                let c = f32x8::simd_from(simd, c[axis]);
-                *extent = b.max(c).max(zero) - b.min(c).min(zero);
-            }
-            let [x, y, z] = extent;
-            let areas: [f32; LANES] = (x * y + (x + y) * z).into();
-            areas.iter().sum()
+            areas_of(simd, self.0)
         }
     }
     dispatch(Areas(block))
+}
+
+/// [`triangle_areas`] inside a kernel.
+#[inline(always)]
+fn areas_of<S: Simd>(simd: S, block: &Block) -> f32 {
+    let zero = f32x8::splat(simd, 0.0);
+    let mut extents = [zero; 3];
+    for axis in 0..3 {
+        let b = f32x8::simd_from(simd, block.edges[0][axis]);
+        let c = f32x8::simd_from(simd, block.edges[1][axis]);
+        extents[axis] = b.max(c).max(zero) - b.min(c).min(zero);
+    }
+    let [x, y, z] = extents;
+    let areas: [f32; LANES] = (x * y + (x + y) * z).into();
+    let [a, b, c, d, e, f, g, h] = areas;
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
 }
 
 /// Brings the boxes of leaves with a block a lane up to date with those of the blocks. Gives what each leaf's
@@ -154,7 +156,7 @@ impl<F: Fn(usize) -> bool> Kernel for Leaves<'_, F> {
                 continue;
             }
             let blocks = areas(simd, leaf, content, |leaf, lane| {
-                (leaf.end[lane] > 0).then(|| &boxes[leaf.first[lane] as usize])
+                (!leaf.blocks(lane).is_empty()).then(|| &boxes[leaf.first[lane] as usize])
             });
             let nodes = content.bounds().half_area();
             *tally = Tally { nodes, blocks };

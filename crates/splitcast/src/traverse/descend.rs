@@ -28,6 +28,9 @@ pub(super) const SLACK: f32 = 1.0 / (1 << 20) as f32;
 /// slack.
 pub(super) const SLOWEST: f32 = 1.0 / (1 << 30) as f32;
 
+/// Directions whose largest component is at least this have distances to all planes.
+pub(super) const SHORTEST: f32 = 1e-28;
+
 /// Nodes that wait on the stack itself; more are rare.
 const STACK: usize = 64;
 
@@ -205,6 +208,12 @@ impl Slabs {
         for axis in 0..3 {
             let (origin, along) = (ray.origin[axis], ray.direction[axis]);
             slabs.inverse[axis] = upper(along.abs(), slowest).copysign(along).recip();
+            if !slabs.inverse[axis].is_finite() {
+                // A ray too short to tell distances by: no plane is ever in its way.
+                slabs.inverse[axis] = 1.0;
+                (slabs.enter_from[axis], slabs.leave_from[axis]) = (f32::MAX, f32::MIN);
+                continue;
+            }
             // At least the slack, even where the origin is far from 0.
             let (below, above) = ((origin - slack).next_down(), (origin + slack).next_up());
             (slabs.enter_from[axis], slabs.leave_from[axis]) = if slabs.inverse[axis] < 0.0 {

@@ -13,7 +13,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
 
-use super::descend::{SLACK, SLOWEST, SlabLanes, Stack};
+use super::descend::{SHORTEST, SLACK, SLOWEST, SlabLanes, Stack};
 use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
 use super::triangle::{Crossing, ShearedRay};
 use super::{complete, completion};
@@ -684,6 +684,7 @@ impl Intervals {
             size = upper(size, bounds.max[axis] - bounds.min[axis]);
         }
         self.t_min >= 0.0
+            && length >= SHORTEST
             && parallel < 2
             && turn <= WIDEST_TURN * length
             && spread <= WIDEST_SPREAD * size

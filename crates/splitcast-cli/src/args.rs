@@ -80,7 +80,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = parse_size)]
     pub(crate) size: (u32, u32),
 
-    /// Samples per pixel [default: 4, 16 or 64, by --quality]
+    /// Samples per pixel [default: 1, 4, 16 or 64, by --quality]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) spp: Option<u32>,
 
@@ -125,6 +125,9 @@ pub(crate) struct RenderArgs {
     pub(crate) threads: Option<NonZeroUsize>,
 
     /// How much light is traced
+    ///
+    /// preview is for playing a motion at its own speed: one sample a pixel, hard shadows, no
+    /// noise; draft is for looking at it, good for videos, best for stills.
     #[arg(long, value_name = "NAME", default_value = Quality::default().name(), value_parser = quality_parser())]
     pub(crate) quality: Quality,
 

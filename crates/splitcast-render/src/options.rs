@@ -61,9 +61,10 @@ macro_rules! named {
 /// How much light is traced for a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
-    /// One sample in the middle of each pixel, and one ray from there to the sun, whose shadows are
-    /// hard; sky and ground light every surface as if nothing stood between. For playing a motion at
-    /// its own speed.
+    /// One sample, in the middle of the pixel, and one ray from there to the
+    /// middle of the sun: shadows are hard, and sky and ground light every
+    /// surface as if nothing stood between. No noise; edges show their pixels
+    /// unless more samples are asked for. For playing a motion at its own speed.
     Preview,
     /// Up to 4 samples a pixel; light that surfaces pass on to each other is a
     /// constant. For looking at a motion.
@@ -88,7 +89,7 @@ impl Quality {
         }
     }
 
-    /// How closely it looks at light.
+    /// How closely light is looked at.
     pub(crate) fn detail(self) -> Detail {
         match self {
             Self::Preview => Detail::Sun,
@@ -346,7 +347,7 @@ mod tests {
         let message = "ultra".parse::<Quality>().unwrap_err().to_string();
         assert_eq!(
             message,
-            "no quality is called 'ultra', expected one of: draft, good, best"
+            "no quality is called 'ultra', expected one of: preview, draft, good, best"
         );
     }
 }

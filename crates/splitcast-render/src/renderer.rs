@@ -183,7 +183,8 @@ impl Renderer {
     }
 
     /// Takes the given samples of the pixels at `places`, and gives each to
-    /// `add` with the number of its pixel, those of a pixel in their order. Returns the number of rays.
+    /// `add` with the number of its pixel, those of a pixel in their order.
+    /// Returns the number of rays.
     fn take_samples(
         &self,
         surfaces: Surfaces<'_>,

@@ -454,14 +454,20 @@ mod tests {
     }
 
     /// The mean light over rays through `places`, from `eye` towards them.
-    fn mean_light(inward: bool, colors: [Vec3; 4], bounces: u32, eye: Vec3, samples: u32) -> Vec3 {
+    fn mean_light(
+        inward: bool,
+        colors: [Vec3; 4],
+        detail: Detail,
+        eye: Vec3,
+        samples: u32,
+    ) -> Vec3 {
         let (positions, triangles) = sphere(24, inward);
         let mesh = Mesh::new(&positions, &triangles).unwrap();
         let tree = KdTree::build(mesh, &BuildOptions::default()).unwrap();
         let surroundings = Surroundings {
             sky: Sky::with_colors(colors, Vec3::Y, Vec3::new(0.6, 0.8, 0.0), None),
             ground: None,
-            detail: Detail::Bounces(bounces),
+            detail,
         };
         // The vertices of a sphere around the origin are its normals.
         let surfaces = Surfaces {
@@ -490,7 +496,13 @@ mod tests {
     fn a_white_ball_cannot_be_told_from_a_white_sky() {
         let white = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO];
         for bounces in 0..3 {
-            let light = mean_light(false, white, bounces, Vec3::new(5.0, 0.0, 0.0), 256);
+            let light = mean_light(
+                false,
+                white,
+                Detail::Bounces(bounces),
+                Vec3::new(5.0, 0.0, 0.0),
+                256,
+            );
             assert!(
                 (light - Vec3::ONE).abs().max_element() < 2e-3,
                 "{bounces}: {light}"
@@ -502,7 +514,7 @@ mod tests {
     fn the_inside_of_a_closed_ball_is_darker_than_the_sky() {
         let white = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO];
         for bounces in 0..3 {
-            let light = mean_light(true, white, bounces, Vec3::ZERO, 256);
+            let light = mean_light(true, white, Detail::Bounces(bounces), Vec3::ZERO, 256);
             assert!(
                 light.max_element() < 0.6 && light.min_element() > 0.0,
                 "{light}"
@@ -513,8 +525,20 @@ mod tests {
     #[test]
     fn the_sun_gives_no_more_than_it_has() {
         let sun_only = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ONE];
-        let light = mean_light(false, sun_only, 0, Vec3::new(5.0, 0.0, 0.0), 256);
-        // The middle of the ball faces the sun at a cosine around 0.6; its sheen adds a little.
-        assert!((0.4..0.8).contains(&light.x), "{light}");
+        for detail in [Detail::Sun, Detail::Bounces(0)] {
+            let light = mean_light(false, sun_only, detail, Vec3::new(5.0, 0.0, 0.0), 256);
+            // The middle of the ball faces the sun at a cosine around 0.6; its sheen adds a little.
+            assert!((0.4..0.8).contains(&light.x), "{light}");
+        }
+    }
+
+    #[test]
+    fn only_the_sun_is_hidden_where_only_the_sun_is_looked_at() {
+        let sun_only = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ONE];
+        let light = mean_light(true, sun_only, Detail::Sun, Vec3::ZERO, 16);
+        assert_eq!(light, Vec3::ZERO);
+        let sky_only = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO];
+        let light = mean_light(true, sky_only, Detail::Sun, Vec3::ZERO, 16);
+        assert!((light - Vec3::ONE).abs().max_element() < 2e-3, "{light}");
     }
 }

@@ -8,9 +8,10 @@ use std::sync::LazyLock;
 const PARTS: usize = 1 << 12;
 
 struct Tables {
-    /// Linear light of every byte; what would follow is out of reach.
+    /// Linear light of every byte; what follows the last is out of reach.
     linear: [f32; 257],
-    /// The last byte whose linear light is at most the low end of each part, and at most 1.
+    /// The last byte whose linear light is at most each part's low end. The
+    /// last part holds 1 alone.
     first: [u8; PARTS + 1],
 }
 
@@ -48,8 +49,8 @@ pub(crate) fn encode(linear: [f32; 3]) -> [u8; 3] {
     encode_at(linear, 0.5)
 }
 
-/// Of each channel one of the two bytes around it: the upper one from `threshold`, 0 to
-/// 1, of the way between them in linear light.
+/// Of each channel one of the two bytes around it: the upper one from
+/// `threshold`, 0 to 1, of the way between them in linear light.
 pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
     let tables = &*TABLES;
     let mut bytes = [0; 3];
@@ -96,15 +97,61 @@ mod tests {
         assert_eq!(encode([0.2159; 3]), [128; 3]);
     }
 
+    /// The standard's curve the other way, from linear light to a signal of 0 to 255.
+    fn signal(linear: f32) -> f64 {
+        let linear = f64::from(linear);
+        let encoded = if linear <= 0.003_130_8 {
+            12.92 * linear
+        } else {
+            1.055 * linear.powf(1.0 / 2.4) - 0.055
+        };
+        255.0 * encoded
+    }
+
     #[test]
-    fn a_value_lies_between_the_bytes_around_it() {
-        for step in 0..1 << 20 {
-            let linear = step as f32 / (1 << 20) as f32;
-            let above = TABLES.linear.partition_point(|&entry| entry <= linear) as u8;
-            // No value is twice the way from one byte to the next, and each at least 0.
-            assert_eq!(encode_at([linear; 3], 2.0), [above - 1; 3], "{linear}");
-            assert_eq!(encode_at([linear; 3], 0.0), [above; 3], "{linear}");
+    fn every_byte_is_where_the_standard_puts_it() {
+        for byte in 0..=255 {
+            let signal = signal(decode([byte; 3])[0]);
+            assert!((signal - f64::from(byte)).abs() < 1e-3, "{byte}: {signal}");
         }
+    }
+
+    /// What [`encode_at`] promises, by looking through all bytes.
+    fn searched(linear: f32, threshold: f32) -> u8 {
+        let of = |byte: u8| decode([byte; 3])[0];
+        let below = (0..=255).rfind(|&byte| of(byte) <= linear).unwrap();
+        match below.checked_add(1) {
+            Some(above) if linear - of(below) >= threshold * (of(above) - of(below)) => above,
+            _ => below,
+        }
+    }
+
+    #[test]
+    fn every_boundary_is_where_a_search_finds_it() {
+        let parts = (0..=PARTS).map(|part| part as f32 / PARTS as f32);
+        let bytes = (0..=255).map(|byte| decode([byte; 3])[0]);
+        let middles = (0..255).map(|byte| {
+            let [low, high] = [byte, byte + 1].map(|byte| decode([byte; 3])[0]);
+            0.5 * (low + high)
+        });
+        for boundary in parts.chain(bytes).chain(middles) {
+            for linear in [boundary.next_down(), boundary, boundary.next_up()] {
+                let linear = linear.clamp(0.0, 1.0);
+                for threshold in [0.0, 0.3, 0.5, 1.0] {
+                    assert_eq!(
+                        encode_at([linear; 3], threshold),
+                        [searched(linear, threshold); 3],
+                        "{linear} at {threshold}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_part_holds_two_bytes() {
+        let first = &TABLES.first;
+        assert!(first.windows(2).all(|pair| pair[1] - pair[0] <= 1));
     }
 
     #[test]

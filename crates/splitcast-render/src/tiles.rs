@@ -1,8 +1,9 @@
-//! Square tiles of pixels along a Z-order curve, rendered in parallel.
+//! Square tiles, rendered in parallel, with their pixels along a Z-order curve.
 //!
-//! Neighbouring pixels send similar rays, which are traced as one and find
-//! what they need in the cache. Pixels do not depend on tiles, and each tile has its own
-//! part of the picture, so the picture is the same on any number of threads.
+//! Neighbouring pixels send similar rays, which are traced together and find
+//! what they need in the cache. Pixels do not depend on tiles, and each tile
+//! has its own part of the picture, so the picture is the same on any number
+//! of threads.
 
 use std::sync::LazyLock;
 
@@ -26,9 +27,9 @@ static PLACES: LazyLock<[[u32; 2]; PIXELS]> = LazyLock::new(|| {
 });
 
 /// Computes every pixel on the current rayon thread pool. `tile` gets the
-/// columns and rows of a tile's pixels, every aligned square of 4ᵏ of them in a row,
-/// and where to put their values; what it returns is added up.
-/// Returns pixels row by row, and that sum.
+/// columns and rows of a tile's pixels, those of every aligned square of 2ᵏ by
+/// 2ᵏ one after the other, and where to put their values; what it returns is
+/// added up. Returns pixels row by row, and that sum.
 pub(crate) fn render_tiles<P: Send + Copy + Default>(
     width: u32,
     height: u32,

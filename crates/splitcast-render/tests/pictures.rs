@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use splitcast::{Aabb, BuildOptions, KdTree, Mesh, NonFinite};
 use splitcast_render::{
-    Camera, Image, Perspective, Quality, RenderError, RenderOptions, Renderer, Shading, View,
-    to_srgb8,
+    Camera, Image, Perspective, Quality, RenderError, RenderOptions, RenderStats, Renderer,
+    Shading, View, to_srgb8,
 };
 use splitcast_scene::Frame;
 
@@ -90,6 +90,11 @@ fn options() -> RenderOptions {
 
 /// The picture by the default camera.
 fn picture(frame: &Frame, options: &RenderOptions) -> Image {
+    render(frame, options).0
+}
+
+/// The picture by the default camera, and what it took.
+fn render(frame: &Frame, options: &RenderOptions) -> (Image, RenderStats) {
     let build = BuildOptions {
         non_finite: NonFinite::Skip,
         ..BuildOptions::default()
@@ -104,7 +109,7 @@ fn picture(frame: &Frame, options: &RenderOptions) -> Image {
     let (image, stats) = renderer.render(&tree, frame).unwrap();
     let pixels = u64::from(options.width) * u64::from(options.height);
     assert!(stats.rays >= pixels, "{stats:?}");
-    image
+    (image, stats)
 }
 
 fn reference_path(name: &str) -> PathBuf {
@@ -203,6 +208,19 @@ fn a_draft_without_ground_under_another_sun() {
         ..options()
     };
     compare_with_reference("draft", &picture(&tori(), &options));
+}
+
+#[test]
+fn a_preview_takes_two_rays_a_pixel_and_has_no_noise() {
+    let options = RenderOptions {
+        quality: Quality::Preview,
+        ..options()
+    };
+    let (image, stats) = render(&tori(), &options);
+    compare_with_reference("preview", &image);
+    assert!(stats.rays <= u64::from(2 * WIDTH * HEIGHT), "{stats:?}");
+    let other_noise = RenderOptions { seed: 7, ..options };
+    assert!(picture(&tori(), &other_noise).pixels == image.pixels);
 }
 
 #[test]

@@ -59,8 +59,8 @@ impl OutputThread {
         self.send(Message::Frame(index, image))
     }
 
-    /// Waits until everything is written, and completes the output. Returns the times of all frames, in
-    /// their order; these overlap with whatever the caller did meanwhile.
+    /// Waits until everything is written, and completes the output. Returns
+    /// what each frame took, in their order, while the caller did other things.
     ///
     /// # Errors
     /// As for [`FrameSink::write`] and [`FrameSink::finish`].

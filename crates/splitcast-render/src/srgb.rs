@@ -55,8 +55,8 @@ pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
     let tables = &*TABLES;
     let mut bytes = [0; 3];
     for (byte, linear) in bytes.iter_mut().zip(linear) {
-        // In this order, NaN becomes 0.
-        let linear = linear.max(0.0).min(1.0);
+        // NaN is not above 0.
+        let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
         let first = usize::from(tables.first[(linear * PARTS as f32) as usize]);
         let below = first + usize::from(tables.linear[first + 1] <= linear);
         let (low, high) = (tables.linear[below], tables.linear[below + 1]);

@@ -14,7 +14,12 @@ use splitcast_scene::{FrameSource, MeshSequence, builtin};
 /// Checks every frame of a source, in order, with the builders that carry
 /// something over from frame to frame, and some frames with all others.
 fn check_frames(source: &mut dyn FrameSource) {
-    let tracks = |o: &BuildOptions| matches!(o.builder, Builder::Kalman | Builder::Wiener);
+    let tracks = |options: &BuildOptions| {
+        matches!(
+            options.builder,
+            Builder::Tracked | Builder::Kalman | Builder::Wiener
+        )
+    };
     let (tracked, other): (Vec<_>, Vec<_>) = suite::default_sets().into_iter().partition(tracks);
     let (mut tracked, mut other) = (suite::Suite::new(&tracked), suite::Suite::new(&other));
     for index in 0..source.frame_count() {

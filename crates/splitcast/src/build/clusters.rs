@@ -10,7 +10,7 @@ use super::object_split;
 use super::{Reference, Triangles};
 use crate::kd_tree::{Listing, Node, NodeKind, Storage};
 use crate::wide::refit::{refit_blocks, triangle_areas};
-use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideTree};
+use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree};
 use crate::{Aabb, Mesh};
 
 /// Triangles of a leaf whose blocks fill a wide node.
@@ -62,8 +62,8 @@ pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
 
 /// A tree over triangles, each in one leaf, and what is to be known of its blocks.
 pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
-    let (mut storage, mut clusters) = (formed(triangles), Clusters::default());
-    let wide = &mut storage.wide;
+    let (storage, mut clusters) = (formed(triangles), Clusters::default());
+    let wide = &storage.wide;
     clusters.grow(wide.blocks.end());
     for leaf in &wide.nodes()[..wide.leaf_count()] {
         for lane in 0..LANES {
@@ -75,7 +75,9 @@ pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
     }
     let unused = clusters.boxes.iter().filter(|own| own.is_empty());
     clusters.free = unused.map(|own| own.triangle).collect();
-    clusters.refit(triangles.mesh(), &mut wide.blocks, None);
+    let areas = clusters.areas.par_chunks_mut(CHUNK);
+    (wide.blocks.chunks.par_iter().zip(areas))
+        .for_each(|(chunk, areas)| triangle_areas(chunk, areas));
     for index in 0..clusters.boxes.len() {
         clusters.spreads[index] = clusters.spread(index);
     }
@@ -329,16 +331,22 @@ struct NewBlock {
 /// Triangles in blocks of neighbors.
 fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<NewBlock> {
     let wide = formed(&Triangles::these(mesh, triangles)).wide;
-    let mut blocks = Vec::with_capacity(wide.blocks.end());
-    for leaf in &wide.nodes()[..wide.leaf_count()] {
-        for lane in 0..LANES {
-            let bounds = leaf.bounds_of(lane);
-            blocks.extend(leaf.blocks(lane).map(|index| NewBlock {
-                block: *wide.block(index),
-                bounds,
-                area: triangle_areas(wide.block(index)),
-            }));
+    let mut formed = Vec::with_capacity(wide.blocks.end());
+    let mut areas = [0.0; CHUNK];
+    let mut leaves = wide.nodes()[..wide.leaf_count()].iter().peekable();
+    for (index, chunk) in wide.blocks.chunks.iter().enumerate() {
+        triangle_areas(chunk, &mut areas);
+        let here = |leaf: &&&WideNode| leaf.blocks(0).start / CHUNK == index;
+        while let Some(leaf) = leaves.next_if(|leaf| here(&leaf)) {
+            for lane in 0..LANES {
+                let bounds = leaf.bounds_of(lane);
+                formed.extend(leaf.blocks(lane).map(|place| NewBlock {
+                    block: *wide.block(place),
+                    bounds,
+                    area: areas[place % CHUNK],
+                }));
+            }
         }
     }
-    blocks
+    formed
 }

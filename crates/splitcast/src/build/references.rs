@@ -5,6 +5,7 @@ use fearless_simd::prelude::*;
 use rayon::prelude::*;
 
 use super::NonFinite;
+use crate::aabb::{lower, upper};
 use crate::mesh::are_traceable;
 use crate::simd::{Kernel, dispatch};
 use crate::{Aabb, BuildError, Mesh};
@@ -54,23 +55,18 @@ impl Reference {
         }
     }
 
-    /// The box of a triangle.
+    /// The box of a triangle, whose corners are numbers.
     #[inline(always)]
     pub(crate) fn of_triangle([a, b, c]: [[f32; 3]; 3], triangle: u32) -> Self {
-        Self {
-            min: [
-                a[0].min(b[0]).min(c[0]),
-                a[1].min(b[1]).min(c[1]),
-                a[2].min(b[2]).min(c[2]),
-            ],
+        let mut bounds = Self {
             triangle,
-            max: [
-                a[0].max(b[0]).max(c[0]),
-                a[1].max(b[1]).max(c[1]),
-                a[2].max(b[2]).max(c[2]),
-            ],
-            _padding: 0,
+            ..Self::ZERO
+        };
+        for axis in 0..3 {
+            bounds.min[axis] = lower(lower(a[axis], b[axis]), c[axis]);
+            bounds.max[axis] = upper(upper(a[axis], b[axis]), c[axis]);
         }
+        bounds
     }
 
     pub(crate) fn bounds(&self) -> Aabb {

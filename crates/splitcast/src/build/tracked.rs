@@ -25,8 +25,8 @@ use crate::kd_tree::{Listing, Node, NodeKind, Storage};
 use crate::wide::LANES;
 use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 
-/// If more than this share of the vertices may have moved, it is not looked into which triangles
-/// have.
+/// If more than this share of the vertices may have moved, or of a sample of them, it is not looked into
+/// which triangles have.
 const MOST_OF_THE_VERTICES: f64 = 0.6;
 
 /// A hierarchy whose nodes have grown by this factor, set against the blocks, is sorted anew.
@@ -150,7 +150,15 @@ pub(crate) fn update<'m>(
     let last = tracked.take().filter(|_| skipped == 0);
     let hashes = match (&last, moved) {
         (Some(last), Moved::Only(ranges)) => last.hashes.with_changes(mesh, ranges),
-        _ => MeshHashes::of(mesh),
+        (Some(last), Moved::Unknown) => {
+            let sample = MeshHashes::sample_of(mesh);
+            if sample.share_of_sample(&last.hashes) > MOST_OF_THE_VERTICES {
+                sample
+            } else {
+                MeshHashes::of(mesh)
+            }
+        }
+        (None, _) => MeshHashes::of(mesh),
     };
     let frame = Frame { triangles, budget };
     let (next, amounts, late) = match last {
@@ -343,6 +351,9 @@ impl TrackedTree {
                 }
             }
             Moved::Unknown => {
+                if !hashes.are_complete() || !self.hashes.are_complete() {
+                    return Dirty::All;
+                }
                 let changes = hashes.changes_since(&self.hashes);
                 if changes.is_empty() {
                     return Dirty::None;

@@ -81,21 +81,23 @@ impl<F: Fn(usize) -> bool> Kernel for Blocks<'_, F> {
     }
 }
 
-/// Half the areas of the boxes of a block's triangles, added up.
-pub(crate) fn triangle_areas(block: &Block) -> f32 {
-    struct Areas<'a>(&'a Block);
+/// Half the areas of the boxes of each block's triangles, added up.
+pub(crate) fn triangle_areas(blocks: &[Block], areas: &mut [f32]) {
+    struct Areas<'a>(&'a [Block], &'a mut [f32]);
     impl Kernel for Areas<'_> {
-        type Output = f32;
+        type Output = ();
 
         #[inline(always)]
-        fn run<S: Simd>(self, simd: S) -> f32 {
-            areas_of(simd, self.0)
+        fn run<S: Simd>(self, simd: S) {
+            for (block, area) in self.0.iter().zip(self.1) {
+                *area = areas_of(simd, block);
+            }
         }
     }
-    dispatch(Areas(block))
+    dispatch(Areas(blocks, areas));
 }
 
-/// [`triangle_areas`] inside a kernel.
+/// One of [`triangle_areas`].
 #[inline(always)]
 fn areas_of<S: Simd>(simd: S, block: &Block) -> f32 {
     let zero = f32x8::splat(simd, 0.0);

@@ -169,7 +169,10 @@ impl Expectations {
 
     /// The same with these rays.
     pub(crate) fn of(mesh: Mesh<'_>, rays: Vec<Ray>) -> Self {
-        let slices = slices::all(mesh, (rays.len() / 100).min(3), &rays);
+        // Brute force takes its time over large meshes.
+        let packets = (rays.len() / 100).min(3);
+        let packets = packets.min(60_000 / mesh.triangles().len().max(1));
+        let slices = slices::all(mesh, packets, &rays);
         let list = rays.into_iter().map(|ray| {
             let mut all = Vec::new();
             reference::all_hits(mesh, &ray, &mut all);

@@ -65,6 +65,9 @@ pub(crate) fn check(all: &[Slices], tree: &KdTree<'_>, chosen: usize, what: &str
 
 /// The same in slices of many rays, of one kind after the other, divided among threads.
 pub(crate) fn check_long(all: &[Slices], tree: &KdTree<'_>, what: &str) {
+    if all.is_empty() {
+        return;
+    }
     let every_kind = Slices {
         name: "every kind",
         rays: all.iter().flat_map(|slices| slices.rays.clone()).collect(),

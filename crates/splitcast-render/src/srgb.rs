@@ -57,7 +57,9 @@ pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
     for (byte, linear) in bytes.iter_mut().zip(linear) {
         // In this order, NaN becomes 0.
         let linear = linear.max(0.0).min(1.0);
-        let first = usize::from(tables.first[(linear * PARTS as f32) as usize]);
+        // By way of i32, which every machine converts to in one step.
+        let part = (linear * PARTS as f32) as i32;
+        let first = usize::from(tables.first[part as usize]);
         let below = first + usize::from(tables.linear[first + 1] <= linear);
         let (low, high) = (tables.linear[below], tables.linear[below + 1]);
         *byte = (below + usize::from(linear - low >= threshold * (high - low))) as u8;

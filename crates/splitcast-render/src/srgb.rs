@@ -55,8 +55,8 @@ pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
     let tables = &*TABLES;
     let mut bytes = [0; 3];
     for (byte, linear) in bytes.iter_mut().zip(linear) {
-        // In this order, NaN becomes 0.
-        let linear = linear.max(0.0).min(1.0);
+        // NaN stays NaN; it is in part 0, and no byte is found below or above it.
+        let linear = linear.clamp(0.0, 1.0);
         // By way of i32, which every machine converts to in one step.
         let part = (linear * PARTS as f32) as i32;
         let first = usize::from(tables.first[part as usize]);

@@ -24,6 +24,8 @@ pub(crate) struct Ground {
     centre: Vec3,
     /// Radius of the motion.
     radius: f32,
+    /// Squared distance from the centre up to which there surely is no haze.
+    clear: f32,
 }
 
 impl Ground {
@@ -36,6 +38,8 @@ impl Ground {
             height: stage.floor as f32,
             centre: centre.as_vec3(),
             radius: stage.radius as f32,
+            // Less by more than rounding: where haze begins, `haze` looks closer.
+            clear: 0.999 * (HAZE.0 * stage.radius as f32).powi(2),
         }
     }
 
@@ -60,7 +64,11 @@ impl Ground {
 
     /// How much of the ground has turned to haze at `point`: 0 to 1, smooth.
     pub(crate) fn haze(&self, point: Vec3) -> f32 {
-        let distance = (point - self.centre).length() / self.radius;
+        let away = point - self.centre;
+        if away.length_squared() < self.clear {
+            return 0.0;
+        }
+        let distance = away.length() / self.radius;
         let share = ((distance - HAZE.0) / (HAZE.1 - HAZE.0)).clamp(0.0, 1.0);
         // Eased at the far end only: near ground loses contrast slowly, as in real haze.
         share * share * (3.0 - 2.0 * share)

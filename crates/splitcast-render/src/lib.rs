@@ -53,6 +53,7 @@ mod image;
 mod legend;
 mod options;
 mod output;
+mod reach;
 mod renderer;
 mod sampling;
 mod shade;

@@ -28,8 +28,8 @@ const BATCH: usize = 1024;
 /// What a picture took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RenderStats {
-    /// Rays traced through the tree: from the camera, to the sun, and into
-    /// the surroundings.
+    /// Rays traced: from the camera, to the sun, and into the surroundings.
+    /// Those that pass by the whole tree count as well.
     pub rays: u64,
 }
 
@@ -196,44 +196,46 @@ impl Renderer {
         let size = Vec2::new(options.width as f32, options.height as f32);
         let all = options.effective_samples_per_pixel();
         let middles = options.quality == Quality::Preview && all == 1;
+        let mut tracer = Tracer::new(surfaces, &self.surroundings);
+        let mut take = |batch: &mut Batch<'_>| {
+            let colors = self.colors(&mut tracer, batch);
+            for (&pixel, color) in batch.pixels.iter().zip(colors) {
+                add(pixel, color);
+            }
+            batch.clear();
+        };
+        let mut batch = Batch::with_capacity(BATCH.min(places.len() * numbers.len()));
+        let points: Vec<PixelSamples> = (places.iter())
+            .map(|&[x, y]| PixelSamples::new(x, y, all, options.seed))
+            .collect();
         // Samples of a pixel follow each other: their rays are the most alike.
-        let mut samples = places.iter().enumerate().flat_map(|(pixel, &[x, y])| {
-            let points = PixelSamples::new(x, y, all, options.seed);
+        for (pixel, (&[x, y], points)) in places.iter().zip(&points).enumerate() {
             let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            numbers.clone().map(move |number| {
+            for number in numbers.clone() {
                 let sample = Sample { points, number };
                 let offset = if middles {
                     Vec2::ZERO
                 } else {
                     tent(sample.point(FILTER))
                 };
-                (pixel, sample, (middle + offset) / size)
-            })
-        });
-        let mut tracer = Tracer::new(surfaces, &self.surroundings);
-        let mut batch = Batch::default();
-        loop {
-            batch.clear();
-            for (pixel, sample, place) in samples.by_ref().take(BATCH) {
+                let place = (middle + offset) / size;
                 batch.pixels.push(pixel);
                 batch.samples.push(sample);
                 batch.places.push(place);
-            }
-            let places = batch.places.iter();
-            let rays = places.map(|&place| self.camera.ray(place.into(), size.x / size.y));
-            batch.rays.extend(rays);
-            if batch.pixels.is_empty() {
-                return tracer.rays;
-            }
-            let colors = self.colors(&mut tracer, &batch);
-            for (&pixel, color) in batch.pixels.iter().zip(colors) {
-                add(pixel, color);
+                batch
+                    .rays
+                    .push(self.camera.ray(place.into(), size.x / size.y));
+                if batch.pixels.len() == BATCH {
+                    take(&mut batch);
+                }
             }
         }
+        take(&mut batch);
+        tracer.rays
     }
 
     /// The colors of samples.
-    fn colors(&self, tracer: &mut Tracer<'_>, batch: &Batch) -> Vec<Vec3> {
+    fn colors(&self, tracer: &mut Tracer<'_>, batch: &Batch<'_>) -> Vec<Vec3> {
         let options = &self.options;
         let Batch { samples, rays, .. } = batch;
         let tree = tracer.tree();
@@ -275,7 +277,7 @@ impl Renderer {
     }
 
     /// Light from the scene, as bright as the exposure makes it.
-    fn light(&self, tracer: &mut Tracer<'_>, rays: &[Ray], samples: &[Sample]) -> Vec<Vec3> {
+    fn light(&self, tracer: &mut Tracer<'_>, rays: &[Ray], samples: &[Sample<'_>]) -> Vec<Vec3> {
         let brightness = self.options.exposure.exp2();
         let mut light = tracer.radiance(rays, samples);
         for light in &mut light {
@@ -316,18 +318,26 @@ impl Renderer {
 }
 
 /// Samples that are taken together.
-#[derive(Default)]
-struct Batch {
+struct Batch<'p> {
     /// The number of each sample's pixel among those that are sampled.
     pixels: Vec<usize>,
-    samples: Vec<Sample>,
+    samples: Vec<Sample<'p>>,
     /// Where in the picture they lie.
     places: Vec<Vec2>,
     /// The camera's rays through these places.
     rays: Vec<Ray>,
 }
 
-impl Batch {
+impl Batch<'_> {
+    fn with_capacity(samples: usize) -> Self {
+        Self {
+            pixels: Vec::with_capacity(samples),
+            samples: Vec::with_capacity(samples),
+            places: Vec::with_capacity(samples),
+            rays: Vec::with_capacity(samples),
+        }
+    }
+
     fn clear(&mut self) {
         self.pixels.clear();
         self.samples.clear();

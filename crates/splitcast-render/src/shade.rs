@@ -11,10 +11,13 @@
 //! step: the rays of a step that start at neighbouring pixels take much the
 //! same way through the tree, and are traced together.
 
+mod sunlit;
+
 use glam::{Vec2, Vec3};
-use splitcast::{KdTree, Ray};
+use splitcast::{Hit, KdTree, Ray};
 
 use crate::ground::{self, Ground};
+use crate::reach::reaching;
 use crate::sampling::{PixelSamples, cosine_hemisphere};
 use crate::sky::Sky;
 use crate::surface::{Surface, Surfaces};
@@ -57,13 +60,13 @@ pub(crate) enum Detail {
 
 /// Which of the picture's samples a path belongs to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sample {
-    pub(crate) points: PixelSamples,
+pub(crate) struct Sample<'p> {
+    pub(crate) points: &'p PixelSamples,
     /// Its number among those of the pixel.
     pub(crate) number: u32,
 }
 
-impl Sample {
+impl Sample<'_> {
     /// The sample's point in `dimension`.
     pub(crate) fn point(&self, dimension: u32) -> Vec2 {
         self.points.point(self.number, dimension)
@@ -75,7 +78,7 @@ impl Sample {
 pub(crate) struct Tracer<'s> {
     surfaces: Surfaces<'s>,
     surroundings: &'s Surroundings,
-    /// Rays traced through the tree so far.
+    /// Rays traced so far, those that pass by the tree included.
     pub(crate) rays: u64,
 }
 
@@ -87,9 +90,9 @@ enum Met<'s> {
 }
 
 /// A point of a path that light is to be found at.
-struct Place {
+struct Place<'p> {
     surface: Surface,
-    sample: Sample,
+    sample: Sample<'p>,
     /// The ray that has met it.
     ray: usize,
 }
@@ -139,8 +142,12 @@ impl<'s> Tracer<'s> {
 
     /// The light that comes back along each of the camera rays, of unit
     /// direction, which belong to `samples`.
-    pub(crate) fn radiance(&mut self, rays: &[Ray], samples: &[Sample]) -> Vec<Vec3> {
+    pub(crate) fn radiance(&mut self, rays: &[Ray], samples: &[Sample<'_>]) -> Vec<Vec3> {
         let Surroundings { sky, detail, .. } = self.surroundings;
+        let bounces = match *detail {
+            Detail::Sun => return self.sunlit(rays),
+            Detail::Bounces(bounces) => bounces,
+        };
         let mut light = vec![Vec3::ZERO; rays.len()];
         let mut places = Vec::with_capacity(rays.len());
         // Of each place: how much of it is lost in haze if it lies on the ground.
@@ -164,10 +171,7 @@ impl<'s> Tracer<'s> {
                 hazes.push(haze);
             }
         });
-        let arriving = match *detail {
-            Detail::Sun => self.lit_by_sun(&places),
-            Detail::Bounces(bounces) => self.gather(&places, PATH, bounces),
-        };
+        let arriving = self.gather(&places, PATH, bounces);
         for ((place, haze), arriving) in places.iter().zip(hazes).zip(arriving) {
             let Place { surface, ray, .. } = place;
             let to_eye = -Vec3::from(rays[*ray].direction);
@@ -183,9 +187,7 @@ impl<'s> Tracer<'s> {
 
     /// The mesh where rays of unit direction meet it.
     pub(crate) fn mesh_along(&mut self, rays: &[Ray]) -> Vec<Option<Surface>> {
-        self.rays += rays.len() as u64;
-        let mut hits = vec![None; rays.len()];
-        self.tree().closest_hits(rays, &mut hits);
+        let hits = self.closest_hits(rays);
         let at = |(ray, hit): (&Ray, Option<_>)| {
             hit.map(|hit| self.surfaces.at(&hit, ray.direction.into()))
         };
@@ -207,24 +209,12 @@ impl<'s> Tracer<'s> {
         self.surfaces.tree
     }
 
-    /// The light that arrives at places, nothing but the sun hidden.
-    fn lit_by_sun(&mut self, places: &[Place]) -> Vec<Arriving> {
-        let sky = &self.surroundings.sky;
-        let sun = self.sun_light(places, |_| sky.sun());
-        let together = |(place, sun): (&Place, Vec3)| Arriving {
-            sun,
-            around: sky.irradiance(place.surface.normal),
-            open: 1.0,
-        };
-        places.iter().zip(sun).map(together).collect()
-    }
-
     /// The light that arrives at places behind which there may be `left`
     /// reflections, with sampling from `dimension` on.
-    fn gather(&mut self, places: &[Place], dimension: u32, left: u32) -> Vec<Arriving> {
+    fn gather(&mut self, places: &[Place<'_>], dimension: u32, left: u32) -> Vec<Arriving> {
         let sky = &self.surroundings.sky;
         let sun = self.sun_light(places, |sample| sky.sun_direction(sample.point(dimension)));
-        let around = |place: &Place| {
+        let around = |place: &Place<'_>| {
             let Surface { facet, normal, .. } = place.surface;
             let point = place.sample.point(dimension + 1);
             above(cosine_hemisphere(point, normal), facet)
@@ -237,7 +227,7 @@ impl<'s> Tracer<'s> {
         } else {
             self.reflections(places, &rays, dimension + 2, left)
         };
-        let together = |((place, sun), obstruction): ((&Place, Vec3), Obstruction)| Arriving {
+        let together = |((place, sun), obstruction): ((&Place<'_>, Vec3), Obstruction)| Arriving {
             sun,
             around: sky.irradiance(place.surface.normal) + obstruction.difference,
             open: obstruction.open,
@@ -248,10 +238,10 @@ impl<'s> Tracer<'s> {
     }
 
     /// What obstacles on the rays from places change, without a closer look at them.
-    fn obstacles(&mut self, places: &[Place], rays: &[Ray]) -> Vec<Obstruction> {
+    fn obstacles(&mut self, places: &[Place<'_>], rays: &[Ray]) -> Vec<Obstruction> {
         let sky = &self.surroundings.sky;
         let hidden = self.occluded(rays);
-        let obstruction = |((place, ray), hidden): ((&Place, &Ray), bool)| {
+        let obstruction = |((place, ray), hidden): ((&Place<'_>, &Ray), bool)| {
             if !hidden {
                 return Obstruction::NONE;
             }
@@ -267,13 +257,13 @@ impl<'s> Tracer<'s> {
     /// the sun is sampled in `dimension`.
     fn reflections(
         &mut self,
-        places: &[Place],
+        places: &[Place<'_>],
         rays: &[Ray],
         dimension: u32,
         left: u32,
     ) -> Vec<Obstruction> {
         let sky = &self.surroundings.sky;
-        let to_sun = |sample: &Sample| sky.sun_direction(sample.point(dimension));
+        let to_sun = |sample: &Sample<'_>| sky.sun_direction(sample.point(dimension));
         let mut obstructions = vec![Obstruction::NONE; rays.len()];
         let (mut on_mesh, mut on_ground) = (Vec::new(), Vec::new());
         self.meet(rays, |ray, met| {
@@ -318,10 +308,14 @@ impl<'s> Tracer<'s> {
     /// The sun's light at places, if nothing stands between. Visibility
     /// goes by the point of the sun that lies along `to_sun`, but light by its middle: the same
     /// on average, and free of noise where the whole sun is seen.
-    fn sun_light(&mut self, places: &[Place], to_sun: impl Fn(&Sample) -> Vec3) -> Vec<Vec3> {
+    fn sun_light(
+        &mut self,
+        places: &[Place<'_>],
+        to_sun: impl Fn(&Sample<'_>) -> Vec3,
+    ) -> Vec<Vec3> {
         let sky = &self.surroundings.sky;
-        let cosine = |place: &Place| place.surface.normal.dot(sky.sun());
-        let faces_sun = |place: &&Place| cosine(place) > 0.0;
+        let cosine = |place: &Place<'_>| place.surface.normal.dot(sky.sun());
+        let faces_sun = |place: &&Place<'_>| cosine(place) > 0.0;
         let mut hidden = (self.is_hidden(places.iter().filter(faces_sun), to_sun)).into_iter();
         let light = |place| {
             if faces_sun(&place) && hidden.next() == Some(false) {
@@ -337,11 +331,11 @@ impl<'s> Tracer<'s> {
     /// along `to_sun`.
     fn is_hidden<'p>(
         &mut self,
-        places: impl Iterator<Item = &'p Place>,
-        to_sun: impl Fn(&Sample) -> Vec3,
+        places: impl Iterator<Item = &'p Place<'p>>,
+        to_sun: impl Fn(&Sample<'_>) -> Vec3,
     ) -> Vec<bool> {
         let ray =
-            |place: &Place| Ray::new(place.surface.start.into(), to_sun(&place.sample).into());
+            |place: &Place<'_>| Ray::new(place.surface.start.into(), to_sun(&place.sample).into());
         let rays: Vec<Ray> = places.map(ray).collect();
         self.occluded(&rays)
     }
@@ -350,15 +344,27 @@ impl<'s> Tracer<'s> {
     fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
         self.rays += rays.len() as u64;
         let mut occluded = vec![false; rays.len()];
-        self.tree().occluded_rays(rays, &mut occluded);
+        for range in reaching(rays, &self.tree().bounds()) {
+            let (rays, occluded) = (&rays[range.clone()], &mut occluded[range]);
+            self.tree().occluded_rays(rays, occluded);
+        }
         occluded
+    }
+
+    /// Where each ray meets the mesh first.
+    fn closest_hits(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        self.rays += rays.len() as u64;
+        let mut hits = vec![None; rays.len()];
+        for range in reaching(rays, &self.tree().bounds()) {
+            let (rays, hits) = (&rays[range.clone()], &mut hits[range]);
+            self.tree().closest_hits(rays, hits);
+        }
+        hits
     }
 
     /// Tells `met` the number of each ray of unit direction, in order, and what it meets first.
     fn meet(&mut self, rays: &[Ray], mut met: impl FnMut(usize, Met<'s>)) {
-        self.rays += rays.len() as u64;
-        let mut hits = vec![None; rays.len()];
-        self.tree().closest_hits(rays, &mut hits);
+        let hits = self.closest_hits(rays);
         for (index, (ray, hit)) in rays.iter().zip(hits).enumerate() {
             let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
             let on_ground = self.surroundings.ground.as_ref().and_then(|ground| {
@@ -479,9 +485,12 @@ mod tests {
         let mut tracer = Tracer::new(surfaces, &surroundings);
         let points = PixelSamples::new(0, 0, samples, 0);
         let samples: Vec<_> = (0..samples)
-            .map(|number| Sample { points, number })
+            .map(|number| Sample {
+                points: &points,
+                number,
+            })
             .collect();
-        let ray = |sample: &Sample| {
+        let ray = |sample: &Sample<'_>| {
             let offset = sample.point(100) - Vec2::splat(0.5);
             let target = Vec3::new(0.0, offset.y, offset.x);
             let direction = (target - eye).normalize();

@@ -55,9 +55,11 @@ pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
     let tables = &*TABLES;
     let mut bytes = [0; 3];
     for (byte, linear) in bytes.iter_mut().zip(linear) {
-        // NaN is not above 0.
-        let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-        let first = usize::from(tables.first[(linear * PARTS as f32) as usize]);
+        // NaN stays NaN; it is in part 0, and no byte is found below or above it.
+        let linear = linear.clamp(0.0, 1.0);
+        // By way of i32, which every machine converts to in one step.
+        let part = (linear * PARTS as f32) as i32;
+        let first = usize::from(tables.first[part as usize]);
         let below = first + usize::from(tables.linear[first + 1] <= linear);
         let (low, high) = (tables.linear[below], tables.linear[below + 1]);
         *byte = (below + usize::from(linear - low >= threshold * (high - low))) as u8;

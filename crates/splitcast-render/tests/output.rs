@@ -225,6 +225,28 @@ fn errors_reach_the_caller_of_a_thread() {
 }
 
 #[test]
+fn a_thread_tells_what_each_frame_took() {
+    let folder = tempfile::tempdir().unwrap();
+    // Pictures that keep their light need no tone mapping.
+    for (name, tone_mapped) in [
+        ("film.apng", true),
+        ("f_%02d.png", true),
+        ("f_%02d.exr", false),
+    ] {
+        let mut thread = OutputThread::new(open(&folder.path().join(name), options()));
+        for index in 0..FRAMES {
+            thread.write(index, picture(index)).unwrap();
+        }
+        let times = thread.finish().unwrap();
+        assert_eq!(times.len(), FRAMES, "{name}");
+        for time in times {
+            assert!(!time.write.is_zero(), "{name}: {time:?}");
+            assert_eq!(!time.tone_map.is_zero(), tone_mapped, "{name}: {time:?}");
+        }
+    }
+}
+
+#[test]
 fn an_apng_decodes_to_its_frames() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.apng");

@@ -279,7 +279,10 @@ impl<'m> Frame<'m> {
             let total: usize = apart.iter().map(Vec::len).sum();
             let share = total as f64 / tree.clusters.count().max(1) as f64;
             if share > LARGEST_CHANGE && self.budget.allows(FORMING * (count / LANES) as u32) {
-                return self.begin(std::mem::take(&mut tree.hashes));
+                let hashes = std::mem::take(&mut tree.hashes);
+                // Their memory serves again.
+                drop((tree, storage));
+                return self.begin(hashes);
             }
             let sorting = SORTING * tree.clusters.count() as u32;
             let look = if self.budget.duration.is_some() {

@@ -39,7 +39,7 @@ pub use search::{Orientation, ParseOrientationError, SearchOptions};
 pub(crate) use subtree::{NodeWriter, Subtree};
 pub(crate) use tracked::{Amount, Budget, Moved, TrackedTree, TrackedUpdate, update};
 
-/// The deepest tree that traversal's fixed stack can hold.
+/// The greatest depth that a tree may have.
 pub const MAX_DEPTH: u32 = 60;
 
 /// Positions farther out than this overflow the ray–triangle test, whose
@@ -141,8 +141,7 @@ pub enum NonFinite {
 pub enum Preset {
     /// Large leaves: for meshes that change every frame and are hit by few rays.
     FastestBuild,
-    /// For meshes that change every frame: rays take about a tenth longer than
-    /// with leaves half as large, which take 1.4 times as long to build.
+    /// For meshes that change every frame and are hit by many rays.
     #[default]
     Balanced,
     /// For meshes that are built once and traced for long.

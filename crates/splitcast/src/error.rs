@@ -101,7 +101,7 @@ pub enum OptionsError {
         /// Its value.
         value: f32,
     },
-    /// A depth bound beyond what traversal's stack holds.
+    /// A depth bound above [`MAX_DEPTH`].
     #[error("max_depth is {value}, expected 0 to {MAX_DEPTH}")]
     MaxDepth {
         /// Its value.

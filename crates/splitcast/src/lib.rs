@@ -20,12 +20,18 @@
 //! ```
 //!
 //! A tree never moves a hit: whatever planes a builder chooses, every triangle
-//! stands in every leaf that it overlaps, so only the cost of a ray depends on
+//! stands in every leaf that it overlaps, or whole in a single one
+//! ([`KdTree::cells_overlap`]), so only the cost of a ray depends on
 //! them. Trees are immutable and `Send + Sync`; any number of threads may
-//! trace one.
+//! trace one. Rays that take much the same way are traced faster as a slice
+//! ([`KdTree::closest_hits`], [`KdTree::occluded_rays`]).
+//!
+//! For a mesh that moves, a [`Tracker`] makes each frame's tree from the last one
+//! in a fraction of the time of a build.
 //!
 //! Builds run on the current rayon thread pool and give the same tree on any
-//! number of threads and on every instruction set.
+//! number of threads and on every instruction set; so do updates, but for those with a
+//! time budget.
 
 mod aabb;
 mod build;

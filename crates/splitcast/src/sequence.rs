@@ -23,7 +23,7 @@ use crate::{
 ///
 /// Works with every builder; those that do not track build each frame on its
 /// own. Meshes may change in any way between frames, also in their number of
-/// triangles: what is tracked is planes in space.
+/// triangles: a filter tracks planes in space, and [`Builder::Tracked`] is a [`Tracker`].
 ///
 /// ```
 /// use splitcast::{BuildOptions, Builder, Mesh, Ray, SequenceBuilder};

@@ -2,8 +2,9 @@
 //!
 //! Kernels are written once, over vectors of fixed width, and compiled once
 //! per instruction set; [`dispatch`] runs the best copy that the machine has.
-//! All copies do the same IEEE operations in the same order (nothing is fused
-//! or approximated), so all of them give the same bits.
+//! All copies do the same IEEE operations in the same order (nothing is approximated, and
+//! fused only where error bounds allow for either), so all of them give the same results to
+//! the last bit.
 
 use std::fmt;
 use std::str::FromStr;

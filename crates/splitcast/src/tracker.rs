@@ -125,8 +125,7 @@ impl Tracker {
     }
 
     /// [`Tracker::update`] for a frame in which only the triangles in `dirty` have moved
-    /// since the last update: takes time in proportion to them, but for
-    /// what it takes to copy the rest of the tree.
+    /// since the last update, which saves hashing the mesh and looking for what has moved.
     ///
     /// Where a triangle outside of these ranges has moved, rays may miss it. With
     /// another number of triangles than in the last frame, what has moved is

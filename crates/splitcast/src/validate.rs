@@ -72,7 +72,7 @@ pub enum Violation {
         /// The first such node.
         first: usize,
     },
-    /// A node deeper than traversal's stack can hold.
+    /// A node deeper than a tree may be.
     #[error("node {node} has depth {depth}, expected at most {MAX_DEPTH}")]
     TooDeep {
         /// Index of the node.

@@ -104,7 +104,7 @@ fn measure(
         found.push(report.time);
         dirty.push(told.update_dirty(mesh, &changing)?.report.time);
         kept = report.kept.references as f64 / tree.references().len() as f64;
-        ratio = report.sah_cost / full.stats().sah_cost;
+        ratio = report.sah_cost / full.stats().traced_cost;
     }
     // The first update has nothing to go on.
     let [build, found, dirty] = [builds, found, dirty].map(|times| median(&times[1..]));

@@ -1,5 +1,5 @@
-//! Measures how many pictures a second a motion can be shown in: update of the tree,
-//! tracing, tone mapping, one after the other, with nothing encoded beside them.
+//! Measures how many pictures a second a motion's trees can be updated and traced;
+//! tone mapping follows and is timed apart, and nothing is encoded beside them.
 //!
 //! ```text
 //! cargo run --release -p splitcast-render --example frame_rate -- [--rounds N] [--threads N] [--size N] [--quality NAME] [INPUT ...]
@@ -50,7 +50,7 @@ fn main() -> Result<(), Failure> {
         .num_threads(threads)
         .build()?;
     println!(
-        "| scene | triangles | update ms, {threads} thread(s) | trace ms | tone map ms | Mray | frames/s |"
+        "| scene | triangles | update ms, {threads} thread(s) | trace ms | tone map ms | Mray | frames/s, updated and traced |"
     );
     println!("|---|---:|---:|---:|---:|---:|---:|");
     for input in &inputs {
@@ -95,7 +95,7 @@ fn measure(
         updates.push(updated - started);
         traces.push(traced - updated);
         tone_maps.push(shown - traced);
-        totals.push(shown - started);
+        totals.push(traced - started);
         rays += stats.rays;
     }
     println!(

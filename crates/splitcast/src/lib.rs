@@ -52,7 +52,7 @@ mod wide;
 
 pub use aabb::Aabb;
 pub use build::{
-    BuildOptions, Builder, InitialState, MAX_DEPTH, NonFinite, Orientation, Outcome,
+    BuildOptions, Builder, InitialState, Innovation, MAX_DEPTH, NonFinite, Orientation, Outcome,
     ParseBuilderError, ParseOrientationError, Preset, SearchOptions, TrackingOptions,
 };
 pub use error::{BuildError, MeshError, OptionsError};

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::hierarchy::Region;
 use super::object_split;
 use super::{Reference, Triangles};
 use crate::kd_tree::{Listing, Node, NodeKind, Storage};
@@ -18,6 +19,9 @@ const FULL_LEAF: usize = LANES * LANES;
 
 /// Neighboring blocks whose boxes have grown by this factor, set against their triangles, have come apart.
 const APART: f32 = 1.2;
+
+/// One of so many blocks is looked at to tell what has become of all.
+const SAMPLE_STRIDE: usize = 64;
 
 /// What a tracker knows of its tree's blocks, each by its index.
 #[derive(Clone, Debug, Default)]
@@ -93,8 +97,8 @@ fn formed(triangles: &Triangles<'_>) -> Storage {
     by_blocks(nodes, wide)
 }
 
-/// The tree of wide leaves with a block a lane.
-fn by_blocks(nodes: &[Node], wide: WideTree) -> Storage {
+/// The tree of wide leaves with a block a lane, as the tree of the blocks.
+pub(super) fn by_blocks(nodes: &[Node], wide: WideTree) -> Storage {
     let mut members = Vec::with_capacity(wide.blocks.end());
     let mut leaves = wide.nodes().iter();
     let list = |node: &Node| match node.kind() {
@@ -168,9 +172,8 @@ impl Clusters {
         &self.homes
     }
 
-    /// Half the areas of the boxes around all blocks, and what they would be if these were as close as
-    /// when they were formed.
-    pub(super) fn areas(&self) -> (f32, f32) {
+    /// By how much blocks have grown since they were formed, set against their triangles.
+    pub(super) fn wear(&self) -> f32 {
         let (mut now, mut formed) = (0.0, 0.0);
         for (index, own) in self.boxes.iter().enumerate() {
             if !own.is_empty() {
@@ -178,25 +181,44 @@ impl Clusters {
                 formed += self.spreads[index] * self.areas[index];
             }
         }
-        (now, formed)
+        if formed > 0.0 { now / formed } else { 1.0 }
     }
 
-    /// Of runs of neighboring blocks, those that have come apart.
-    pub(super) fn apart(&self, regions: &[&[u32]]) -> Vec<Vec<u32>> {
-        // Some may just have been given up.
-        let in_use = |block: &&u32| !self.boxes[**block as usize].is_empty();
-        let is_apart = |region: &&&[u32]| {
-            let (mut now, mut formed) = (0.0, 0.0);
-            for &block in region.iter().filter(in_use) {
-                let index = block as usize;
-                now += self.boxes[index].bounds().half_area();
-                formed += self.spreads[index] * self.areas[index];
-            }
-            now > APART * formed
+    /// Which share of a sample of the blocks will have come apart when they are brought up to date. With
+    /// fewer triangles than there were, none.
+    pub(super) fn share_apart(&self, mesh: Mesh<'_>, blocks: &Blocks) -> f64 {
+        let count = mesh.triangles().len() as u32;
+        let all = (0..self.boxes.len()).step_by(SAMPLE_STRIDE);
+        let all = all.filter_map(|index| Some((index, blocks.find(index)?)));
+        let sample = all.filter(|(index, block)| {
+            self.is_in_use(*index) && block.triangles.iter().all(|&triangle| triangle < count)
+        });
+        let (indices, mut sample): (Vec<usize>, Vec<Block>) =
+            sample.map(|(index, block)| (index, *block)).unzip();
+        let mut boxes: Vec<Reference> = indices.iter().map(|&index| self.boxes[index]).collect();
+        let mut areas = vec![0.0; sample.len()];
+        refit_blocks(mesh, &mut sample, &mut boxes, &mut areas, |_| true);
+        let is_apart = |place: &usize| {
+            let formed = self.spreads[indices[*place]] * areas[*place];
+            boxes[*place].bounds().half_area() > APART * formed
         };
-        let found = regions.iter().filter(is_apart);
-        let found = found.map(|region| region.iter().filter(in_use).copied().collect());
-        found.collect()
+        let apart = (0..sample.len()).filter(is_apart).count();
+        apart as f64 / sample.len().max(1) as f64
+    }
+
+    /// Whether neighboring blocks have come apart. Some may just have been given up.
+    pub(super) fn are_apart(&self, blocks: impl Iterator<Item = usize>) -> bool {
+        let (mut now, mut formed) = (0.0, 0.0);
+        for index in blocks.filter(|&index| self.is_in_use(index)) {
+            now += self.boxes[index].bounds().half_area();
+            formed += self.spreads[index] * self.areas[index];
+        }
+        now > APART * formed
+    }
+
+    /// Whether there is a block of this index.
+    pub(super) fn is_in_use(&self, index: usize) -> bool {
+        !self.boxes[index].is_empty()
     }
 
     /// The area of a block's box over those of its triangles' boxes; 0 if these have none.
@@ -249,40 +271,40 @@ impl Clusters {
         self.put(blocks, formed);
     }
 
-    /// Forms the triangles of each of some runs of neighboring blocks into new ones, and gives the
+    /// Forms the triangles of each region's blocks into new ones, which take the place of those. Gives the
     /// number of triangles.
     pub(super) fn form_anew(
         &mut self,
         mesh: Mesh<'_>,
         blocks: &mut Blocks,
-        olds: &[Vec<u32>],
+        regions: &mut [Region],
     ) -> usize {
         self.homes.clear();
-        let batches: Vec<(usize, Vec<NewBlock>)> = olds
+        let batches: Vec<(usize, Vec<NewBlock>)> = regions
             .par_iter()
-            .map(|batch| {
-                let triangles = batch
-                    .iter()
-                    .flat_map(|&old| blocks.get(old as usize).distinct());
+            .map(|region| {
+                let old = region.blocks.iter();
+                let triangles = old.flat_map(|&old| blocks.get(old as usize).distinct());
                 let triangles: Vec<u32> = triangles.collect();
                 (triangles.len(), form_blocks(mesh, triangles))
             })
             .collect();
-        for &old in olds.iter().flatten().rev() {
+        for &old in regions.iter().rev().flat_map(|region| &region.blocks) {
             let none = Aabb::EMPTY;
             self.boxes[old as usize] = Reference::new(none.min, none.max, old);
             self.free.push(old);
         }
         let mut count = 0;
-        for (triangles, formed) in batches {
-            self.put(blocks, formed);
+        for (region, (triangles, formed)) in regions.iter_mut().zip(batches) {
+            region.blocks = self.put(blocks, formed);
             count += triangles;
         }
         count
     }
 
-    /// Puts blocks where there is room.
-    fn put(&mut self, blocks: &mut Blocks, formed: Vec<NewBlock>) {
+    /// Puts blocks where there is room, and says where.
+    fn put(&mut self, blocks: &mut Blocks, formed: Vec<NewBlock>) -> Vec<u32> {
+        let mut places = Vec::with_capacity(formed.len());
         for NewBlock {
             block,
             bounds,
@@ -309,7 +331,9 @@ impl Clusters {
             self.boxes[index] = own;
             self.areas[index] = area;
             self.spreads[index] = self.spread(index);
+            places.push(index as u32);
         }
+        places
     }
 
     /// Bytes allocated.

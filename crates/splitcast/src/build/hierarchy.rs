@@ -1,10 +1,14 @@
-//! The nodes above the blocks of a tracked tree: sorting blocks into them, and keeping their boxes up to
-//! date.
+//! The nodes above the blocks of a tracked tree: sorting blocks into leaves and these into a hierarchy,
+//! and keeping their boxes up to date.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::clusters::by_blocks;
+use super::tracked::Amounts;
 use super::{Amount, Reference, object_split};
-use crate::kd_tree::{Listing, NodeKind, Storage};
+use crate::kd_tree::{Node, NodeKind, Storage};
 use crate::wide::refit::{Tally, refit_inner, refit_leaves};
 use crate::wide::{Blocks, LANES, WideNode, WideTree};
 use crate::{Aabb, CostModel};
@@ -12,16 +16,30 @@ use crate::{Aabb, CostModel};
 /// Leaves that one task refits.
 const LEAVES: usize = 256;
 
+/// Leaves of a subtree whose blocks are sorted together, at most.
+const REGION: usize = 8;
+
 /// What a tracker knows of its tree's nodes in their wide form.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Hierarchy {
     /// Around each.
     contents: Vec<Reference>,
     tallies: Vec<Tally>,
+    /// What is predicted of each leaf.
+    spreads: Vec<Spread>,
     /// Each block's leaf; empty if nobody has asked since they were sorted.
     seats: Vec<u32>,
-    /// What the nodes' areas were over those of the blocks when these were sorted.
+    /// What the inner nodes' areas were over those of the leaves when these were sorted.
     sorted: f32,
+}
+
+/// The area of a leaf over those of its blocks.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spread {
+    /// When it was made.
+    made: f32,
+    /// When all were, of the leaf whose place it has taken.
+    at_first: f32,
 }
 
 /// The leaves in which something may have moved.
@@ -30,11 +48,26 @@ pub(super) enum Touched {
     Some(Vec<bool>),
 }
 
+/// Leaves next to each other that give way to others.
+pub(super) struct Region {
+    pub(super) leaves: Range<usize>,
+    /// What the others are made of.
+    pub(super) blocks: Vec<u32>,
+}
+
 /// Sorts blocks, given the boxes of those that are in use, into a new hierarchy.
 pub(super) fn sort(boxes: &[Reference], blocks: Blocks) -> (Storage, Hierarchy) {
     let in_use = boxes.iter().filter(|own| !own.is_empty());
     let mut members: Vec<Reference> = in_use.copied().collect();
-    let subtree = object_split::sort(&mut members, LANES);
+    let (nodes, leaves) = into_leaves(&mut members);
+    let mut storage = by_blocks(&nodes, WideTree::assemble(&nodes, leaves, blocks));
+    let hierarchy = Hierarchy::new(&mut storage.wide, boxes);
+    (storage, hierarchy)
+}
+
+/// Sorts blocks into leaves that hold one a lane, and nodes above them.
+fn into_leaves(members: &mut [Reference]) -> (Vec<Node>, Vec<WideNode>) {
+    let subtree = object_split::sort(members, LANES);
     let mut leaves = Vec::with_capacity(subtree.nodes().len() / 2 * 5 / 4 + 2);
     for node in subtree.nodes() {
         if let NodeKind::Leaf { first, count } = node.kind() {
@@ -47,39 +80,68 @@ pub(super) fn sort(boxes: &[Reference], blocks: Blocks) -> (Storage, Hierarchy) 
             leaves.push(leaf);
         }
     }
-    let mut wide = WideTree::assemble(subtree.nodes(), leaves, blocks);
-    let hierarchy = Hierarchy::new(&mut wide, boxes);
-    let listing = Listing::Blocks(Default::default());
-    (subtree.into_storage(listing, wide), hierarchy)
+    (subtree.into_nodes(), leaves)
+}
+
+/// The leaves of the largest subtrees of no more than [`REGION`], in order.
+pub(super) fn regions(nodes: &[Node]) -> Vec<Range<usize>> {
+    let mut found = Vec::with_capacity(nodes.len() / REGION + 1);
+    let mut waiting = vec![(0, nodes.len(), 0)];
+    while let Some((root, end, first)) = waiting.pop() {
+        let leaves_of = |nodes: usize| nodes.div_ceil(2);
+        let count = leaves_of(end - root);
+        match nodes[root].kind() {
+            NodeKind::Inner { right, .. } if count > REGION => {
+                waiting.push((right, end, first + leaves_of(right - root - 1)));
+                waiting.push((root + 1, right, first));
+            }
+            _ => found.push(first..first + count),
+        }
+    }
+    found
+}
+
+/// The blocks of leaves with one a lane, in order.
+pub(super) fn blocks_of(leaves: &[WideNode]) -> impl Iterator<Item = usize> {
+    let lanes = |leaf: &WideNode| leaf.first.into_iter().zip(leaf.end);
+    let blocks = leaves.iter().flat_map(lanes);
+    blocks.flat_map(|(first, end)| first as usize..end as usize)
 }
 
 impl Hierarchy {
     /// Of a tree that was sorted just now.
     pub(super) fn new(wide: &mut WideTree, boxes: &[Reference]) -> Self {
         let mut hierarchy = Self::default();
-        hierarchy.refit(wide, boxes, None);
+        hierarchy.refit_leaves(wide, boxes, None);
+        hierarchy.spreads = (hierarchy.tallies.iter())
+            .map(|tally| Spread {
+                made: tally.spread(),
+                at_first: tally.spread(),
+            })
+            .collect();
+        hierarchy.refit_inner(wide);
         hierarchy.sorted = hierarchy.overhead(wide);
         hierarchy
     }
 
-    /// Brings boxes up to date with those of the blocks: all, or those above blocks that `moved`
-    /// marks. Gives the leaves of these.
-    pub(super) fn refit(
+    /// Brings the boxes of leaves up to date with those of the blocks: all, or those with blocks that
+    /// `moved` marks. Gives these.
+    pub(super) fn refit_leaves(
         &mut self,
         wide: &mut WideTree,
         boxes: &[Reference],
         moved: Option<&[bool]>,
     ) -> Touched {
         let leaf_count = wide.leaf_count();
-        self.contents.resize(wide.nodes.len(), Reference::ZERO);
-        self.tallies.resize(wide.nodes.len(), Tally::default());
+        self.contents.resize(leaf_count, Reference::ZERO);
+        self.tallies.resize(leaf_count, Tally::default());
         let touched = match moved {
             None => Touched::All,
             Some(moved) => Touched::Some(self.touched(wide, moved)),
         };
         let leaves = wide.nodes[..leaf_count].par_chunks_mut(LEAVES);
-        let contents = self.contents[..leaf_count].par_chunks_mut(LEAVES);
-        let tallies = self.tallies[..leaf_count].par_chunks_mut(LEAVES);
+        let contents = self.contents.par_chunks_mut(LEAVES);
+        let tallies = self.tallies.par_chunks_mut(LEAVES);
         let tasks = leaves.zip(contents).zip(tallies).enumerate();
         tasks.for_each(|(task, ((leaves, contents), tallies))| match &touched {
             Touched::All => refit_leaves(leaves, boxes, contents, tallies, |_| true),
@@ -88,13 +150,23 @@ impl Hierarchy {
                 refit_leaves(leaves, boxes, contents, tallies, |place| touched[place]);
             }
         });
-        refit_inner(
-            &mut wide.nodes,
-            leaf_count,
-            &mut self.contents,
-            &mut self.tallies,
-        );
         touched
+    }
+
+    /// Brings the boxes of inner nodes up to date with those of the leaves.
+    pub(super) fn refit_inner(&mut self, wide: &mut WideTree) {
+        let leaf_count = wide.leaf_count();
+        self.contents.resize(wide.nodes.len(), Reference::ZERO);
+        self.tallies.resize(wide.nodes.len(), Tally::default());
+        let (contents, tallies) = (&mut self.contents, &mut self.tallies);
+        refit_inner(&mut wide.nodes, leaf_count, contents, tallies);
+    }
+
+    /// Leaves that are about to give way do not count any more.
+    pub(super) fn leave_out(&mut self, regions: &[Region]) {
+        for region in regions {
+            self.tallies[region.leaves.clone()].fill(Tally::default());
+        }
     }
 
     /// The leaves of blocks that `moved` marks.
@@ -115,8 +187,118 @@ impl Hierarchy {
         touched
     }
 
-    /// By how much the nodes have grown, set against the blocks, since these were sorted.
-    pub(super) fn drift(&self, wide: &WideTree) -> f32 {
+    /// Sorts leaves into a new hierarchy, those of `regions` not before their blocks have been sorted
+    /// into new ones.
+    pub(super) fn sort_leaves(
+        &mut self,
+        storage: Storage,
+        boxes: &[Reference],
+        regions: &[Region],
+    ) -> Storage {
+        let leaf_count = storage.wide.leaf_count();
+        let WideTree {
+            nodes: mut leaves,
+            blocks,
+            ..
+        } = storage.wide;
+        leaves.truncate(leaf_count);
+        self.contents.truncate(leaf_count);
+        self.tallies.truncate(leaf_count);
+        let mut stays = vec![true; leaf_count];
+        for region in regions {
+            stays[region.leaves.clone()].fill(false);
+        }
+        let made: Vec<NewLeaves> = regions
+            .par_iter()
+            .map(|region| NewLeaves::of(boxes, &region.blocks))
+            .collect();
+        for (region, new) in regions.iter().zip(made) {
+            // None if the leaves were left out: then their blocks are new, and a new start.
+            let at_first = self.spread(region.leaves.clone(), |spread| spread.at_first);
+            self.spreads.extend(new.tallies.iter().map(|tally| Spread {
+                made: tally.spread(),
+                at_first: match at_first > 0.0 {
+                    true => at_first.min(tally.spread()),
+                    false => tally.spread(),
+                },
+            }));
+            self.contents.extend(new.contents);
+            self.tallies.extend(new.tallies);
+            leaves.extend(new.leaves);
+        }
+        for (place, content) in self.contents.iter_mut().enumerate() {
+            content.triangle = place as u32;
+        }
+        let old = self.contents[..leaf_count].iter().zip(stays);
+        let old = old.filter(|(_, stays)| *stays).map(|(content, _)| content);
+        let mut members: Vec<Reference> =
+            (old.chain(&self.contents[leaf_count..])).copied().collect();
+        let subtree = object_split::sort(&mut members, 1);
+        let order = subtree.references();
+        let sorted = in_order(&leaves, order, subtree.nodes().len() * 5 / 8 + 2);
+        self.contents = in_order(&self.contents, order, 0);
+        self.tallies = in_order(&self.tallies, order, 0);
+        self.spreads = in_order(&self.spreads, order, 0);
+        self.seats.clear();
+        let wide = WideTree::assemble(subtree.nodes(), sorted, blocks);
+        let mut storage = by_blocks(subtree.nodes(), wide);
+        self.refit_inner(&mut storage.wide);
+        self.sorted = self.overhead(&storage.wide);
+        storage
+    }
+
+    /// Regions whose leaves have grown by a factor of more than `limit` since they were made, set against
+    /// their blocks.
+    pub(super) fn loose(&self, regions: Vec<Range<usize>>, limit: f32) -> Vec<Range<usize>> {
+        let is_loose = |region: &Range<usize>| {
+            let made = self.spread(region.clone(), |spread| spread.made);
+            self.spread_now(region.clone()) > limit * made
+        };
+        regions.into_iter().filter(is_loose).collect()
+    }
+
+    /// By how much leaves have grown since they were made, set against their blocks.
+    pub(super) fn drift_of_leaves(&self) -> f32 {
+        self.growth(|spread| spread.made)
+    }
+
+    /// By how much leaves have grown since all were sorted, set against their blocks, although
+    /// some have been made anew.
+    pub(super) fn scatter(&self) -> f32 {
+        self.growth(|spread| spread.at_first)
+    }
+
+    fn growth(&self, expected: impl Fn(&Spread) -> f32) -> f32 {
+        let all = 0..self.spreads.len();
+        let expected = self.spread(all.clone(), expected);
+        if expected > 0.0 {
+            self.spread_now(all) / expected
+        } else {
+            1.0
+        }
+    }
+
+    /// The areas of leaves over those of their blocks.
+    fn spread_now(&self, leaves: Range<usize>) -> f32 {
+        let mut sum = Tally::default();
+        for tally in &self.tallies[leaves] {
+            sum.add(tally);
+        }
+        sum.spread()
+    }
+
+    /// What they should be.
+    fn spread(&self, leaves: Range<usize>, expected: impl Fn(&Spread) -> f32) -> f32 {
+        let mut sum = Tally::default();
+        for (tally, spread) in (self.tallies[leaves.clone()].iter()).zip(&self.spreads[leaves]) {
+            sum.leaves += expected(spread) * tally.blocks;
+            sum.blocks += tally.blocks;
+        }
+        sum.spread()
+    }
+
+    /// By how much inner nodes have grown, set against the leaves, since these were sorted.
+    pub(super) fn drift_of_nodes(&self, wide: &WideTree) -> f32 {
         if self.sorted > 0.0 {
             self.overhead(wide) / self.sorted
         } else {
@@ -124,11 +306,11 @@ impl Hierarchy {
         }
     }
 
-    /// The areas of the nodes over those of the blocks.
+    /// The areas of the inner nodes over those of the leaves.
     fn overhead(&self, wide: &WideTree) -> f32 {
         let root = self.tallies[wide.root as usize];
-        if root.blocks > 0.0 {
-            root.nodes / root.blocks
+        if root.leaves > 0.0 {
+            root.inner / root.leaves
         } else {
             0.0
         }
@@ -144,59 +326,128 @@ impl Hierarchy {
         }
     }
 
-    /// Expected cost of a ray that meets the box around all, in nodes and in blocks
+    /// Expected cost of a ray that meets the box around all
     /// ([`TreeStats::traced_cost`](crate::TreeStats::traced_cost)).
-    pub(super) fn costs(&self, wide: &WideTree, cost: &CostModel) -> (f64, f64) {
+    pub(super) fn costs(&self, wide: &WideTree, cost: &CostModel) -> Costs {
         let root = self.tallies[wide.root as usize];
         let area = self.contents[wide.root as usize].bounds().half_area();
         if area <= 0.0 {
-            return (0.0, 0.0);
+            return Costs::default();
         }
         let each = |weight: f32, areas: f32| f64::from(weight) * f64::from(areas / area);
-        let block = cost.leaf(LANES as u32);
-        (each(cost.traversal, root.nodes), each(block, root.blocks))
+        Costs {
+            inner: each(cost.traversal, root.inner),
+            leaves: each(cost.traversal, root.leaves),
+            blocks: each(cost.leaf(LANES as u32), root.blocks),
+        }
     }
 
     /// Bytes allocated.
     pub(super) fn bytes(&self) -> usize {
         self.contents.capacity() * size_of::<Reference>()
             + self.tallies.capacity() * size_of::<Tally>()
+            + self.spreads.capacity() * size_of::<Spread>()
             + self.seats.capacity() * size_of::<u32>()
     }
 }
 
-impl Touched {
-    /// The nodes above the leaves, and the triangles in these.
-    pub(super) fn amount(&self, storage: &Storage) -> Amount {
-        let nodes = &storage.nodes;
-        let triangles = |first: usize, count: usize| -> usize {
-            let blocks = storage.members[first..first + count].iter();
-            blocks
-                .map(|&block| storage.wide.block(block as usize).distinct().count())
-                .sum()
-        };
-        let Self::Some(touched) = self else {
-            return Amount {
-                nodes: nodes.len(),
-                references: triangles(0, storage.members.len()),
-            };
-        };
-        let mut leaves = touched.iter().rev();
-        let mut moved = vec![false; nodes.len()];
-        let mut amount = Amount::default();
-        for (index, node) in nodes.iter().enumerate().rev() {
-            moved[index] = match node.kind() {
-                NodeKind::Inner { right, .. } => moved[index + 1] | moved[right],
-                NodeKind::Leaf { first, count } => {
-                    let moved = leaves.next().is_some_and(|touched| *touched);
-                    if moved {
-                        amount.references += triangles(first, count);
-                    }
-                    moved
-                }
-            };
-            amount.nodes += usize::from(moved[index]);
+/// What a ray is expected to spend on each level.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Costs {
+    pub(super) inner: f64,
+    pub(super) leaves: f64,
+    pub(super) blocks: f64,
+}
+
+/// Leaves that have no place yet.
+struct NewLeaves {
+    leaves: Vec<WideNode>,
+    contents: Vec<Reference>,
+    tallies: Vec<Tally>,
+}
+
+impl NewLeaves {
+    /// Leaves of these blocks.
+    fn of(boxes: &[Reference], blocks: &[u32]) -> Self {
+        let own = blocks.iter().map(|&block| boxes[block as usize]);
+        let mut members: Vec<Reference> = own.collect();
+        let (_, mut leaves) = into_leaves(&mut members);
+        let mut contents = vec![Reference::ZERO; leaves.len()];
+        let mut tallies = vec![Tally::default(); leaves.len()];
+        refit_leaves(&mut leaves, boxes, &mut contents, &mut tallies, |_| true);
+        Self {
+            leaves,
+            contents,
+            tallies,
         }
-        amount
     }
+}
+
+/// Some of the values, in the order given, and room for others.
+fn in_order<T: Copy>(values: &[T], order: &[u32], room: usize) -> Vec<T> {
+    let mut sorted = Vec::with_capacity(room.max(order.len()));
+    sorted.extend(order.iter().map(|&place| values[place as usize]));
+    sorted
+}
+
+impl Touched {
+    /// What becomes of the leaves of a tree, but those of `regions`: `count` triangles are in the others.
+    pub(super) fn leaves(&self, wide: &WideTree, regions: &[Region], count: usize) -> Amounts {
+        let mut stays = vec![true; wide.leaf_count()];
+        for region in regions {
+            stays[region.leaves.clone()].fill(false);
+        }
+        let (mut moved, mut kept) = (Amount::default(), Amount::default());
+        for (leaf, _) in stays.iter().enumerate().filter(|(_, stays)| **stays) {
+            match self {
+                Self::All => moved.nodes += 1,
+                Self::Some(touched) if touched[leaf] => {
+                    moved.nodes += 1;
+                    moved.references += triangles(wide, leaf..leaf + 1);
+                }
+                Self::Some(_) => kept.nodes += 1,
+            }
+        }
+        if let Self::All = self {
+            moved.references = count;
+        }
+        kept.references = count - moved.references;
+        Amounts {
+            kept,
+            moved,
+            ..Amounts::default()
+        }
+    }
+
+    /// What becomes of all nodes of a tree whose boxes follow what they are around.
+    pub(super) fn nodes(&self, storage: &Storage, count: usize) -> Amounts {
+        let mut amounts = self.leaves(&storage.wide, &[], count);
+        let mut leaf = storage.wide.leaf_count();
+        let mut moved = vec![false; storage.nodes.len()];
+        for (index, node) in storage.nodes.iter().enumerate().rev() {
+            let NodeKind::Inner { right, .. } = node.kind() else {
+                leaf -= 1;
+                moved[index] = match self {
+                    Self::All => true,
+                    Self::Some(touched) => touched[leaf],
+                };
+                continue;
+            };
+            moved[index] = moved[index + 1] | moved[right];
+            let share = match moved[index] {
+                true => &mut amounts.moved,
+                false => &mut amounts.kept,
+            };
+            share.nodes += 1;
+        }
+        amounts
+    }
+}
+
+/// Number of triangles in leaves.
+pub(super) fn triangles(wide: &WideTree, leaves: Range<usize>) -> usize {
+    let blocks = blocks_of(&wide.nodes[leaves]);
+    blocks
+        .map(|block| wide.block(block).distinct().count())
+        .sum()
 }

@@ -1,13 +1,14 @@
 //! A frame's tree from that of the frame before.
 //!
 //! The tree is one of boxes around blocks of neighboring triangles ([`Clusters`]). What is carried over
-//! from frame to frame is who is next to whom: which triangles share a block, and
-//! which blocks a subtree ([`Hierarchy`]). It is predicted that what was close stays close. Where
-//! nothing has moved, all stays as it is. Where something has, blocks and boxes are brought up
-//! to date, which takes hardly longer than reading the triangles, and shows how good the
-//! prediction was: when nodes have grown compared with the blocks in them, the blocks
-//! are sorted into a new hierarchy, of an eighth as many members as there are triangles;
-//! where blocks have grown compared with their triangles, new ones are formed.
+//! from frame to frame is who is next to whom: which triangles share a block, which blocks
+//! a leaf, and which leaves a subtree ([`Hierarchy`]). It is predicted that what was close stays close.
+//! Where nothing has moved, all stays as it is. Where something has, blocks and boxes are brought up
+//! to date, which takes hardly longer than reading the triangles, and shows on each level how good
+//! the prediction was: by how much boxes have grown, compared with those in them. Where blocks
+//! have, their triangles are formed into new ones; where leaves have, their blocks are sorted into
+//! new ones; and when the nodes above have, the leaves are sorted into a new hierarchy, of a
+//! fiftieth as many members as there are triangles.
 //!
 //! Boxes are always around all that is in them, so no hit depends on what is kept. Everything but a
 //! budget gives the same tree with any number of threads.
@@ -18,10 +19,11 @@ use std::time::{Duration, Instant};
 
 use super::changes::MeshHashes;
 use super::clusters::{self, Clusters};
-use super::hierarchy::{self, Hierarchy, Touched};
-use super::subtree::members_of;
+use rayon::prelude::*;
+
+use super::hierarchy::{self, Costs, Hierarchy, Region, blocks_of, regions, triangles};
 use super::{BuildOptions, Triangles};
-use crate::kd_tree::{Listing, Node, NodeKind, Storage};
+use crate::kd_tree::{Listing, Storage};
 use crate::wide::LANES;
 use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 
@@ -29,18 +31,22 @@ use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 /// which triangles have.
 const MOST_OF_THE_VERTICES: f64 = 0.6;
 
-/// A hierarchy whose nodes have grown by this factor, set against the blocks, is sorted anew.
+/// Nodes are sorted anew when those of a level together have grown by this factor, set against what is in
+/// them: the leaves of all regions that have by more, or the inner nodes.
 const LARGEST_DRIFT: f32 = 1.03;
+
+/// Of leaves that are sorted anew where they have grown, the growth since all were sorted that is put up with.
+const LARGEST_SCATTER: f32 = 1.06;
 
 /// When all blocks' boxes together have grown by this factor, set against their triangles, those that have
 /// come apart are looked for.
 const LARGEST_WEAR: f32 = 1.05;
 
-/// Blocks of a subtree whose triangles are formed into new ones together, at most.
-const REGION: usize = 64;
-
-/// If more than this share of the blocks have come apart, all is built anew.
+/// If more than this share of the blocks have come apart, or of the leaves, all is done anew.
 const LARGEST_CHANGE: f64 = 0.4;
+
+/// If more than this share of a sample of the blocks have come apart, it is not looked into which have.
+const MOST_OF_THE_BLOCKS: f64 = 0.7;
 
 /// Regions that each thread forms between two looks at the clock.
 const REGIONS_A_LOOK: usize = 4;
@@ -103,15 +109,35 @@ pub(crate) struct TrackedUpdate<'m> {
     pub(crate) quality: Quality,
 }
 
+/// By what factor boxes have grown, set against those in them, since it was predicted that they would
+/// not: since they were last sorted or formed. 1 is a perfect prediction, and less is better than it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation {
+    /// Blocks, set against their triangles.
+    pub blocks: f32,
+    /// Leaves, set against their blocks.
+    pub leaves: f32,
+    /// Inner nodes, set against the leaves.
+    pub nodes: f32,
+}
+
+impl Default for Innovation {
+    /// All as predicted.
+    fn default() -> Self {
+        Self {
+            blocks: 1.0,
+            leaves: 1.0,
+            nodes: 1.0,
+        }
+    }
+}
+
 /// How good a tree is.
 #[derive(Clone, Copy)]
 pub(crate) struct Quality {
     /// Expected cost of a ray.
     pub(crate) cost: f64,
-    /// By how much nodes have grown, set against the blocks, since these were sorted.
-    pub(crate) drift: f32,
-    /// By how much blocks have grown, set against their triangles, since they were formed.
-    pub(crate) wear: f32,
+    pub(crate) innovation: Innovation,
     /// The cost over what it would be without either.
     pub(crate) ratio: f64,
 }
@@ -242,7 +268,7 @@ impl<'m> Frame<'m> {
         let count = self.triangles.len();
         let dirty = tree.dirty(mesh, moved, &hashes);
         tree.hashes = hashes;
-        let marks = match &dirty {
+        let marks = match dirty {
             Dirty::None if !tree.late => {
                 let amounts = Amounts {
                     kept: Amount {
@@ -254,85 +280,191 @@ impl<'m> Frame<'m> {
                 return (tree, amounts, 0);
             }
             Dirty::None => Some(vec![false; tree.clusters.boxes.len()]),
-            Dirty::Some(marks) => Some(marks.clone()),
+            Dirty::Some(marks) => Some(marks),
             Dirty::All => None,
         };
+        let marks = marks.as_deref();
+        let blocks = &tree.storage.wide.blocks;
+        let torn = marks.is_none()
+            && tree.clusters.share_apart(mesh, blocks) > MOST_OF_THE_BLOCKS
+            && self.allows_building();
         // In place, if nobody has the last tree any more.
         let storage = std::mem::take(&mut tree.storage);
+        if torn {
+            return self.begin_again(tree, storage);
+        }
         let mut storage = Arc::try_unwrap(storage).unwrap_or_else(|shared| (*shared).clone());
-        let blocks = &mut storage.wide.blocks;
-        let recount = count != tree.triangles;
-        if count < tree.triangles {
-            tree.clusters.truncate(blocks, count);
-        }
-        tree.clusters.refit(mesh, blocks, marks.as_deref());
-        if count > tree.triangles {
-            let new = (tree.triangles as u32..count as u32).collect();
-            tree.clusters.add(mesh, blocks, new);
-        }
-        tree.triangles = count;
-        let (mut formed, mut late) = (0, 0);
-        let (now, then) = tree.clusters.areas();
-        if now > LARGEST_WEAR * then {
-            let regions = regions(&storage.nodes, &storage.members);
-            let mut apart = tree.clusters.apart(&regions);
-            let total: usize = apart.iter().map(Vec::len).sum();
-            let share = total as f64 / tree.clusters.count().max(1) as f64;
-            if share > LARGEST_CHANGE && self.budget.allows(FORMING * (count / LANES) as u32) {
-                let hashes = std::mem::take(&mut tree.hashes);
-                // Their memory serves again.
-                drop((tree, storage));
-                return self.begin(hashes);
-            }
-            let sorting = SORTING * tree.clusters.count() as u32;
-            let look = if self.budget.duration.is_some() {
-                REGIONS_A_LOOK * rayon::current_num_threads()
-            } else {
-                apart.len().max(1)
-            };
-            // The ones that were put off come first in the next frame.
-            let turn = apart.len() / 2 * usize::from(tree.late);
-            apart.rotate_left(turn);
-            for regions in apart.chunks(look) {
-                let own: usize = regions.iter().map(Vec::len).sum();
-                if self.budget.allows(FORMING * own as u32 + sorting) {
-                    formed += tree.clusters.form_anew(mesh, blocks, regions);
-                } else {
-                    late += own * LANES;
-                }
-            }
-        }
-        let mut touched = Touched::All;
-        let settled = !recount && formed == 0 && {
-            touched =
-                tree.hierarchy
-                    .refit(&mut storage.wide, &tree.clusters.boxes, marks.as_deref());
-            tree.hierarchy.drift(&storage.wide) <= LARGEST_DRIFT
+        let recount = self.refit_blocks(&mut tree, &mut storage, marks);
+        let Some(changes) = self.form_anew(&mut tree, &mut storage) else {
+            return self.begin_again(tree, storage);
         };
-        let must = recount || formed > 0;
-        let sorting = SORTING * tree.clusters.count() as u32;
-        let mut amounts = Amounts::default();
-        if must || !settled && self.budget.allows(sorting) {
-            (storage, tree.hierarchy) = hierarchy::sort(&tree.clusters.boxes, storage.wide.blocks);
-            amounts.rebuilt.references = formed.min(count);
-            amounts.searched = Amount {
-                nodes: storage.nodes.len(),
-                references: count - amounts.rebuilt.references,
-            };
-        } else {
-            storage.listing = Listing::Blocks(Default::default());
-            amounts.moved = touched.amount(&storage);
-            amounts.kept = Amount {
-                nodes: storage.nodes.len() - amounts.moved.nodes,
-                references: count - amounts.moved.references,
-            };
-            late += usize::from(!settled);
-        }
+        let (storage, amounts, late) = match recount {
+            true => {
+                let (storage, amounts) = self.sort_all(&mut tree, storage, &changes);
+                (storage, amounts, changes.late)
+            }
+            false => self.sort_anew(&mut tree, storage, marks, changes),
+        };
         tree.bounds = tree.hierarchy.bounds(&storage.wide);
         tree.storage = Arc::new(storage);
         tree.late = late > 0;
         (tree, amounts, late.min(count))
     }
+
+    /// Whether there is time to build everything anew.
+    fn allows_building(&self) -> bool {
+        self.budget
+            .allows(FORMING * (self.triangles.len() / LANES) as u32)
+    }
+
+    /// [`Frame::begin`] when there was a tree, whose memory serves again.
+    fn begin_again<T>(&self, mut tree: TrackedTree, storage: T) -> (TrackedTree, Amounts, usize) {
+        let hashes = std::mem::take(&mut tree.hashes);
+        drop((tree, storage));
+        self.begin(hashes)
+    }
+
+    /// Brings blocks up to date with the mesh. Gives whether it has another number of triangles.
+    fn refit_blocks(
+        &self,
+        tree: &mut TrackedTree,
+        storage: &mut Storage,
+        marks: Option<&[bool]>,
+    ) -> bool {
+        let (mesh, count) = (self.triangles.mesh(), self.triangles.len());
+        let blocks = &mut storage.wide.blocks;
+        if count < tree.triangles {
+            tree.clusters.truncate(blocks, count);
+        }
+        tree.clusters.refit(mesh, blocks, marks);
+        if count > tree.triangles {
+            let new = (tree.triangles as u32..count as u32).collect();
+            tree.clusters.add(mesh, blocks, new);
+        }
+        let recount = count != tree.triangles;
+        tree.triangles = count;
+        recount
+    }
+
+    /// Forms those blocks anew that have come apart. `None` if they are so many that all should be.
+    fn form_anew(&self, tree: &mut TrackedTree, storage: &mut Storage) -> Option<Changes> {
+        let mut changes = Changes::default();
+        if tree.clusters.wear() <= LARGEST_WEAR {
+            return Some(changes);
+        }
+        let mut apart = tree.apart(storage);
+        let total: usize = apart.iter().map(|region| region.blocks.len()).sum();
+        let share = total as f64 / tree.clusters.count().max(1) as f64;
+        if share > LARGEST_CHANGE && self.allows_building() {
+            return None;
+        }
+        let sorting = SORTING * tree.clusters.count() as u32;
+        let look = if self.budget.duration.is_some() {
+            REGIONS_A_LOOK * rayon::current_num_threads()
+        } else {
+            apart.len().max(1)
+        };
+        // The ones that were put off come first in the next frame.
+        let turn = apart.len() / 2 * usize::from(tree.late);
+        apart.rotate_left(turn);
+        let blocks = &mut storage.wide.blocks;
+        while !apart.is_empty() {
+            let mut regions: Vec<Region> = apart.drain(..look.min(apart.len())).collect();
+            let own: usize = regions.iter().map(|region| region.blocks.len()).sum();
+            if self.budget.allows(FORMING * own as u32 + sorting) {
+                let mesh = self.triangles.mesh();
+                changes.formed += tree.clusters.form_anew(mesh, blocks, &mut regions);
+                changes.regions.extend(regions);
+            } else {
+                changes.late += own * LANES;
+            }
+        }
+        Some(changes)
+    }
+
+    /// Brings the nodes above the blocks up to date, and sorts those anew that have grown.
+    fn sort_anew(
+        &self,
+        tree: &mut TrackedTree,
+        mut storage: Storage,
+        marks: Option<&[bool]>,
+        mut changes: Changes,
+    ) -> (Storage, Amounts, usize) {
+        let count = self.triangles.len();
+        let sorting = SORTING * tree.clusters.count() as u32;
+        let (hierarchy, boxes) = (&mut tree.hierarchy, &tree.clusters.boxes);
+        let touched = hierarchy.refit_leaves(&mut storage.wide, boxes, marks);
+        hierarchy.leave_out(&changes.regions);
+        let mut searched = 0;
+        if hierarchy.drift_of_leaves() > LARGEST_DRIFT {
+            let loose = hierarchy.loose(regions(&storage.nodes), LARGEST_DRIFT);
+            let leaves: usize = loose.iter().map(Range::len).sum();
+            let share = leaves as f64 / storage.wide.leaf_count() as f64;
+            let all = share > LARGEST_CHANGE || hierarchy.scatter() > LARGEST_SCATTER;
+            if !self.budget.allows(sorting) {
+                changes.late += 1;
+            } else if all {
+                let (storage, amounts) = self.sort_all(tree, storage, &changes);
+                return (storage, amounts, changes.late);
+            } else {
+                for leaves in loose {
+                    searched += triangles(&storage.wide, leaves.clone());
+                    let blocks = blocks_of(&storage.wide.nodes()[leaves.clone()]);
+                    let blocks = blocks.map(|block| block as u32).collect();
+                    changes.regions.push(Region { leaves, blocks });
+                }
+            }
+        }
+        if changes.regions.is_empty() {
+            hierarchy.refit_inner(&mut storage.wide);
+            let settled = hierarchy.drift_of_nodes(&storage.wide) <= LARGEST_DRIFT;
+            if settled || !self.budget.allows(sorting) {
+                storage.listing = Listing::Blocks(Default::default());
+                let amounts = touched.nodes(&storage, count);
+                return (storage, amounts, changes.late + usize::from(!settled));
+            }
+        }
+        let stays = count - searched - changes.formed.min(count);
+        let mut amounts = touched.leaves(&storage.wide, &changes.regions, stays);
+        storage = hierarchy.sort_leaves(storage, boxes, &changes.regions);
+        amounts.rebuilt.references = changes.formed;
+        amounts.searched = Amount {
+            nodes: storage.nodes.len() - amounts.kept.nodes - amounts.moved.nodes,
+            references: searched,
+        };
+        (storage, amounts, changes.late)
+    }
+
+    /// Sorts all blocks into a new hierarchy.
+    fn sort_all(
+        &self,
+        tree: &mut TrackedTree,
+        storage: Storage,
+        changes: &Changes,
+    ) -> (Storage, Amounts) {
+        let (storage, hierarchy) = hierarchy::sort(&tree.clusters.boxes, storage.wide.blocks);
+        tree.hierarchy = hierarchy;
+        let count = self.triangles.len();
+        let formed = changes.formed.min(count);
+        let mut amounts = Amounts::default();
+        amounts.rebuilt.references = formed;
+        amounts.searched = Amount {
+            nodes: storage.nodes.len(),
+            references: count - formed,
+        };
+        (storage, amounts)
+    }
+}
+
+/// What is to change in a tree beyond its boxes.
+#[derive(Default)]
+struct Changes {
+    /// Leaves that are to be made anew.
+    regions: Vec<Region>,
+    /// Triangles that are in new blocks.
+    formed: usize,
+    /// How many there was no time for.
+    late: usize,
 }
 
 impl TrackedTree {
@@ -379,21 +511,40 @@ impl TrackedTree {
         }
     }
 
+    /// The regions whose blocks have come apart.
+    fn apart(&self, storage: &Storage) -> Vec<Region> {
+        let wide = &storage.wide;
+        let find = |leaves: Range<usize>| {
+            let blocks = || blocks_of(&wide.nodes()[leaves.clone()]);
+            let in_use = |index: &usize| self.clusters.is_in_use(*index);
+            self.clusters.are_apart(blocks()).then(|| Region {
+                blocks: (blocks().filter(in_use).map(|block| block as u32)).collect(),
+                leaves: leaves.clone(),
+            })
+        };
+        let found = regions(&storage.nodes).into_par_iter().filter_map(find);
+        found.collect()
+    }
+
     fn quality(&self, cost: &CostModel) -> Quality {
-        let (now, then) = self.clusters.areas();
-        let wear = if then > 0.0 { now / then } else { 1.0 };
-        let drift = self.hierarchy.drift(&self.storage.wide);
-        let (nodes, blocks) = self.hierarchy.costs(&self.storage.wide, cost);
-        let undrifted = nodes / f64::from(drift) + blocks;
+        let wide = &self.storage.wide;
+        let innovation = Innovation {
+            blocks: self.clusters.wear(),
+            leaves: self.hierarchy.drift_of_leaves(),
+            nodes: self.hierarchy.drift_of_nodes(wide),
+        };
+        let Costs {
+            inner,
+            leaves,
+            blocks,
+        } = self.hierarchy.costs(wide, cost);
+        let [a, b, c] = [innovation.nodes, innovation.leaves, innovation.blocks].map(f64::from);
+        let cost = inner + leaves + blocks;
+        let expected = (((inner / a) + leaves) / b + blocks) / c;
         Quality {
-            cost: nodes + blocks,
-            drift,
-            wear,
-            ratio: if undrifted > 0.0 {
-                (nodes + blocks) / undrifted * f64::from(wear)
-            } else {
-                1.0
-            },
+            cost,
+            innovation,
+            ratio: if expected > 0.0 { cost / expected } else { 1.0 },
         }
     }
 
@@ -401,21 +552,4 @@ impl TrackedTree {
     pub(crate) fn bytes(&self) -> usize {
         self.clusters.bytes() + self.hashes.bytes() + self.hierarchy.bytes()
     }
-}
-
-/// The members of the largest subtrees of no more than [`REGION`], in order.
-fn regions<'m>(nodes: &[Node], members: &'m [u32]) -> Vec<&'m [u32]> {
-    let mut found = Vec::new();
-    let mut waiting = vec![(0, nodes.len())];
-    while let Some((root, end)) = waiting.pop() {
-        let range = members_of(&nodes[root..end]);
-        match nodes[root].kind() {
-            NodeKind::Inner { right, .. } if range.len() > REGION => {
-                waiting.push((right, end));
-                waiting.push((root + 1, right));
-            }
-            _ => found.push(&members[range]),
-        }
-    }
-    found
 }

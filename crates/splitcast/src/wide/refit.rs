@@ -12,10 +12,31 @@ use crate::simd::{Kernel, dispatch};
 /// What the boxes below a node come to: sums of half areas.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
-    /// Of nodes.
-    pub(crate) nodes: f32,
+    /// Of inner nodes.
+    pub(crate) inner: f32,
+    /// Of leaves.
+    pub(crate) leaves: f32,
     /// Of blocks.
     pub(crate) blocks: f32,
+}
+
+impl Tally {
+    /// Adds another.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.inner += other.inner;
+        self.leaves += other.leaves;
+        self.blocks += other.blocks;
+    }
+
+    /// The areas of leaves over those of their blocks; 0 if these have none.
+    pub(crate) fn spread(&self) -> f32 {
+        if self.blocks > 0.0 {
+            self.leaves / self.blocks
+        } else {
+            0.0
+        }
+    }
 }
 
 /// Computes blocks, the boxes around them, and half the areas of the boxes of each one's triangles, added
@@ -160,8 +181,11 @@ impl<F: Fn(usize) -> bool> Kernel for Leaves<'_, F> {
             let blocks = areas(simd, leaf, content, |leaf, lane| {
                 (!leaf.blocks(lane).is_empty()).then(|| &boxes[leaf.first[lane] as usize])
             });
-            let nodes = content.bounds().half_area();
-            *tally = Tally { nodes, blocks };
+            *tally = Tally {
+                inner: 0.0,
+                leaves: content.bounds().half_area(),
+                blocks,
+            };
         }
     }
 }
@@ -210,8 +234,7 @@ impl Kernel for Inner<'_> {
                 // An empty box stays empty: children with nothing in them are left out.
                 let child = node.first[lane] as usize;
                 (!node.bounds_of(lane).is_empty()).then(|| {
-                    sum.nodes += tallies[child].nodes;
-                    sum.blocks += tallies[child].blocks;
+                    sum.add(&tallies[child]);
                     if child < leaf_count {
                         &before[child]
                     } else {
@@ -219,7 +242,7 @@ impl Kernel for Inner<'_> {
                     }
                 })
             });
-            sum.nodes += own[0].bounds().half_area();
+            sum.inner += own[0].bounds().half_area();
             tallies[index] = sum;
         }
     }

@@ -141,6 +141,11 @@ impl Block {
         let others = self.triangles.windows(2).filter(|pair| pair[0] != pair[1]);
         std::iter::once(first).chain(others.map(|pair| pair[1]))
     }
+
+    /// The number of these.
+    pub(crate) fn size(&self) -> u8 {
+        self.distinct().count() as u8
+    }
 }
 
 /// What rays are traced through.

@@ -32,6 +32,8 @@ pub(super) struct Clusters {
     areas: Vec<f32>,
     /// The area of each box over these, when the block was formed.
     spreads: Vec<f32>,
+    /// Number of triangles of each block.
+    pub(super) sizes: Vec<u8>,
     /// Indices without a block.
     free: Vec<u32>,
     /// Each triangle's block; empty if nobody has asked since they changed.
@@ -60,6 +62,10 @@ pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
     for own in &mut clusters.boxes {
         *own = Reference::new([0.0; 3], [0.0; 3], own.triangle);
     }
+    clusters.sizes.fill(LANES as u8);
+    if let Some(last) = clusters.sizes.last_mut() {
+        *last = (all.len() - all.len().next_multiple_of(LANES).saturating_sub(LANES)) as u8;
+    }
     clusters.refit(triangles.mesh(), &mut blocks, None);
     (blocks, clusters)
 }
@@ -80,8 +86,14 @@ pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
     let unused = clusters.boxes.iter().filter(|own| own.is_empty());
     clusters.free = unused.map(|own| own.triangle).collect();
     let areas = clusters.areas.par_chunks_mut(CHUNK);
-    (wide.blocks.chunks.par_iter().zip(areas))
-        .for_each(|(chunk, areas)| triangle_areas(chunk, areas));
+    let sizes = clusters.sizes.par_chunks_mut(CHUNK);
+    let own = areas.zip(sizes);
+    (wide.blocks.chunks.par_iter().zip(own)).for_each(|(chunk, (areas, sizes))| {
+        triangle_areas(chunk, areas);
+        for (block, size) in chunk.iter().zip(sizes) {
+            *size = block.size();
+        }
+    });
     for index in 0..clusters.boxes.len() {
         clusters.spreads[index] = clusters.spread(index);
     }
@@ -132,6 +144,7 @@ impl Clusters {
         }
         self.areas.resize(self.boxes.len(), 0.0);
         self.spreads.resize(self.boxes.len(), 0.0);
+        self.sizes.resize(self.boxes.len(), 0);
     }
 
     /// Number of blocks.
@@ -259,6 +272,7 @@ impl Clusters {
                     kept.push(triangle);
                 }
             }
+            self.sizes[index] = kept.len() as u8;
             kept.resize(LANES, *kept.last().unwrap_or(&stays));
             triangles.copy_from_slice(&kept);
         }
@@ -330,6 +344,7 @@ impl Clusters {
             let own = Reference::new(bounds.min, bounds.max, index as u32);
             self.boxes[index] = own;
             self.areas[index] = area;
+            self.sizes[index] = block.size();
             self.spreads[index] = self.spread(index);
             places.push(index as u32);
         }
@@ -341,6 +356,7 @@ impl Clusters {
         self.boxes.capacity() * size_of::<Reference>()
             + (self.areas.capacity() + self.spreads.capacity()) * size_of::<f32>()
             + (self.free.capacity() + self.homes.capacity()) * size_of::<u32>()
+            + self.sizes.capacity()
     }
 }
 

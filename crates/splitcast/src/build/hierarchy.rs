@@ -25,21 +25,12 @@ pub(super) struct Hierarchy {
     /// Around each.
     contents: Vec<Reference>,
     tallies: Vec<Tally>,
-    /// What is predicted of each leaf.
-    spreads: Vec<Spread>,
+    /// The area of each leaf over those of its blocks, when it was made.
+    spreads: Vec<f32>,
     /// Each block's leaf; empty if nobody has asked since they were sorted.
     seats: Vec<u32>,
     /// What the inner nodes' areas were over those of the leaves when these were sorted.
     sorted: f32,
-}
-
-/// The area of a leaf over those of its blocks.
-#[derive(Clone, Copy, Debug, Default)]
-struct Spread {
-    /// When it was made.
-    made: f32,
-    /// When all were, of the leaf whose place it has taken.
-    at_first: f32,
 }
 
 /// The leaves in which something may have moved.
@@ -113,12 +104,7 @@ impl Hierarchy {
     pub(super) fn new(wide: &mut WideTree, boxes: &[Reference]) -> Self {
         let mut hierarchy = Self::default();
         hierarchy.refit_leaves(wide, boxes, None);
-        hierarchy.spreads = (hierarchy.tallies.iter())
-            .map(|tally| Spread {
-                made: tally.spread(),
-                at_first: tally.spread(),
-            })
-            .collect();
+        hierarchy.spreads = hierarchy.tallies.iter().map(Tally::spread).collect();
         hierarchy.refit_inner(wide);
         hierarchy.sorted = hierarchy.overhead(wide);
         hierarchy
@@ -212,16 +198,8 @@ impl Hierarchy {
             .par_iter()
             .map(|region| NewLeaves::of(boxes, &region.blocks))
             .collect();
-        for (region, new) in regions.iter().zip(made) {
-            // None if the leaves were left out: then their blocks are new, and a new start.
-            let at_first = self.spread(region.leaves.clone(), |spread| spread.at_first);
-            self.spreads.extend(new.tallies.iter().map(|tally| Spread {
-                made: tally.spread(),
-                at_first: match at_first > 0.0 {
-                    true => at_first.min(tally.spread()),
-                    false => tally.spread(),
-                },
-            }));
+        for new in made {
+            self.spreads.extend(new.tallies.iter().map(Tally::spread));
             self.contents.extend(new.contents);
             self.tallies.extend(new.tallies);
             leaves.extend(new.leaves);
@@ -249,60 +227,44 @@ impl Hierarchy {
 
     /// Regions whose leaves have grown by a factor of more than `limit` since they were made, set against
     /// their blocks.
-    pub(super) fn loose(&self, regions: Vec<Range<usize>>, limit: f32) -> Vec<Range<usize>> {
-        let is_loose = |region: &Range<usize>| {
-            let made = self.spread(region.clone(), |spread| spread.made);
-            self.spread_now(region.clone()) > limit * made
-        };
-        regions.into_iter().filter(is_loose).collect()
+    pub(super) fn loose(&self, nodes: &[Node], limit: f32) -> Vec<Range<usize>> {
+        let is_loose = |region: &Range<usize>| self.growth(region.clone()) > limit;
+        regions(nodes).into_iter().filter(is_loose).collect()
     }
 
     /// By how much leaves have grown since they were made, set against their blocks.
-    pub(super) fn drift_of_leaves(&self) -> f32 {
-        self.growth(|spread| spread.made)
+    pub(super) fn drift(&self) -> f32 {
+        self.growth(0..self.spreads.len())
     }
 
-    /// By how much leaves have grown since all were sorted, set against their blocks, although
-    /// some have been made anew.
-    pub(super) fn scatter(&self) -> f32 {
-        self.growth(|spread| spread.at_first)
-    }
-
-    fn growth(&self, expected: impl Fn(&Spread) -> f32) -> f32 {
-        let all = 0..self.spreads.len();
-        let expected = self.spread(all.clone(), expected);
-        if expected > 0.0 {
-            self.spread_now(all) / expected
-        } else {
-            1.0
+    fn growth(&self, leaves: Range<usize>) -> f32 {
+        let (mut now, mut made) = (0.0, 0.0);
+        for (tally, spread) in self.tallies[leaves.clone()]
+            .iter()
+            .zip(&self.spreads[leaves])
+        {
+            now += tally.leaves;
+            made += spread * tally.blocks;
         }
-    }
-
-    /// The areas of leaves over those of their blocks.
-    fn spread_now(&self, leaves: Range<usize>) -> f32 {
-        let mut sum = Tally::default();
-        for tally in &self.tallies[leaves] {
-            sum.add(tally);
-        }
-        sum.spread()
-    }
-
-    /// What they should be.
-    fn spread(&self, leaves: Range<usize>, expected: impl Fn(&Spread) -> f32) -> f32 {
-        let mut sum = Tally::default();
-        for (tally, spread) in (self.tallies[leaves.clone()].iter()).zip(&self.spreads[leaves]) {
-            sum.leaves += expected(spread) * tally.blocks;
-            sum.blocks += tally.blocks;
-        }
-        sum.spread()
+        if made > 0.0 { now / made } else { 1.0 }
     }
 
     /// By how much inner nodes have grown, set against the leaves, since these were sorted.
-    pub(super) fn drift_of_nodes(&self, wide: &WideTree) -> f32 {
+    pub(super) fn shift(&self, wide: &WideTree) -> f32 {
         if self.sorted > 0.0 {
             self.overhead(wide) / self.sorted
         } else {
             1.0
+        }
+    }
+
+    /// The areas of all nodes over those of the blocks: what is spent on finding these.
+    pub(super) fn effort(&self, wide: &WideTree) -> f32 {
+        let root = self.tallies[wide.root as usize];
+        if root.blocks > 0.0 {
+            (root.inner + root.leaves) / root.blocks
+        } else {
+            0.0
         }
     }
 
@@ -346,7 +308,7 @@ impl Hierarchy {
     pub(super) fn bytes(&self) -> usize {
         self.contents.capacity() * size_of::<Reference>()
             + self.tallies.capacity() * size_of::<Tally>()
-            + self.spreads.capacity() * size_of::<Spread>()
+            + self.spreads.capacity() * size_of::<f32>()
             + self.seats.capacity() * size_of::<u32>()
     }
 }
@@ -391,8 +353,15 @@ fn in_order<T: Copy>(values: &[T], order: &[u32], room: usize) -> Vec<T> {
 }
 
 impl Touched {
-    /// What becomes of the leaves of a tree, but those of `regions`: `count` triangles are in the others.
-    pub(super) fn leaves(&self, wide: &WideTree, regions: &[Region], count: usize) -> Amounts {
+    /// What becomes of the leaves of a tree, but those of `regions`. `sizes` are the numbers of
+    /// triangles of the blocks, and `count` that of the leaves that are told of.
+    pub(super) fn leaves(
+        &self,
+        wide: &WideTree,
+        regions: &[Region],
+        sizes: &[u8],
+        count: usize,
+    ) -> Amounts {
         let mut stays = vec![true; wide.leaf_count()];
         for region in regions {
             stays[region.leaves.clone()].fill(false);
@@ -403,7 +372,7 @@ impl Touched {
                 Self::All => moved.nodes += 1,
                 Self::Some(touched) if touched[leaf] => {
                     moved.nodes += 1;
-                    moved.references += triangles(wide, leaf..leaf + 1);
+                    moved.references += triangles(wide, leaf..leaf + 1, sizes);
                 }
                 Self::Some(_) => kept.nodes += 1,
             }
@@ -420,8 +389,8 @@ impl Touched {
     }
 
     /// What becomes of all nodes of a tree whose boxes follow what they are around.
-    pub(super) fn nodes(&self, storage: &Storage, count: usize) -> Amounts {
-        let mut amounts = self.leaves(&storage.wide, &[], count);
+    pub(super) fn nodes(&self, storage: &Storage, sizes: &[u8], count: usize) -> Amounts {
+        let mut amounts = self.leaves(&storage.wide, &[], sizes, count);
         let mut leaf = storage.wide.leaf_count();
         let mut moved = vec![false; storage.nodes.len()];
         for (index, node) in storage.nodes.iter().enumerate().rev() {
@@ -444,10 +413,8 @@ impl Touched {
     }
 }
 
-/// Number of triangles in leaves.
-pub(super) fn triangles(wide: &WideTree, leaves: Range<usize>) -> usize {
+/// Number of triangles in leaves, given those of the blocks.
+pub(super) fn triangles(wide: &WideTree, leaves: Range<usize>, sizes: &[u8]) -> usize {
     let blocks = blocks_of(&wide.nodes[leaves]);
-    blocks
-        .map(|block| wide.block(block).distinct().count())
-        .sum()
+    blocks.map(|block| usize::from(sizes[block])).sum()
 }

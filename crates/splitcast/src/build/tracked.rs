@@ -31,22 +31,30 @@ use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 /// which triangles have.
 const MOST_OF_THE_VERTICES: f64 = 0.6;
 
-/// Nodes are sorted anew when those of a level together have grown by this factor, set against what is in
-/// them: the leaves of all regions that have by more, or the inner nodes.
-const LARGEST_DRIFT: f32 = 1.03;
+/// When leaves together have grown by this factor, set against their blocks, the blocks of those that have
+/// grown by more than all together are sorted into new ones.
+const LARGEST_DRIFT: f32 = 1.05;
 
-/// Of leaves that are sorted anew where they have grown, the growth since all were sorted that is put up with.
-const LARGEST_SCATTER: f32 = 1.06;
+/// When inner nodes together have grown by this factor, set against the leaves, these are sorted into a new
+/// hierarchy.
+const LARGEST_SHIFT: f32 = 1.03;
+
+/// After how many times that only leaves are sorted all blocks are: at first, at least and at most.
+const PATIENCE: [u32; 3] = [8, 4, 64];
+
+/// If sorting all blocks saves rays this factor of the way to them, it pays to do so more often; if
+/// less than the second, less often.
+const GAINS: [f32; 2] = [1.05, 1.02];
 
 /// When all blocks' boxes together have grown by this factor, set against their triangles, those that have
 /// come apart are looked for.
 const LARGEST_WEAR: f32 = 1.05;
 
-/// If more than this share of the blocks have come apart, or of the leaves, all is done anew.
-const LARGEST_CHANGE: f64 = 0.4;
+/// If more than this share of the blocks are in regions that have come apart, all is built anew.
+const LARGEST_CHANGE: f64 = 0.7;
 
 /// If more than this share of a sample of the blocks have come apart, it is not looked into which have.
-const MOST_OF_THE_BLOCKS: f64 = 0.7;
+const MOST_OF_THE_BLOCKS: f64 = 0.4;
 
 /// Regions that each thread forms between two looks at the clock.
 const REGIONS_A_LOOK: usize = 4;
@@ -152,8 +160,42 @@ pub(crate) struct TrackedTree {
     hashes: MeshHashes,
     clusters: Clusters,
     hierarchy: Hierarchy,
+    rot: Rot,
     /// Whether something was left undone for want of time.
     late: bool,
+}
+
+/// How well it goes without sorting all blocks: what is predicted of that from how it was before.
+#[derive(Clone, Copy, Debug)]
+struct Rot {
+    /// Times that only leaves were sorted since.
+    times: u32,
+    /// How many are enough.
+    patience: u32,
+    /// Nodes a block that a ray was to meet when nodes were last sorted.
+    effort: f32,
+}
+
+impl Rot {
+    fn new(effort: f32) -> Self {
+        Self {
+            times: 0,
+            patience: PATIENCE[0],
+            effort,
+        }
+    }
+
+    /// All blocks were sorted, which shows whether it was time.
+    fn all_sorted(&mut self, effort: f32) {
+        let gain = self.effort / effort;
+        let [_, least, most] = PATIENCE;
+        if gain > GAINS[0] {
+            self.patience = (self.patience / 2).max(least);
+        } else if gain < GAINS[1] {
+            self.patience = (self.patience * 2).min(most);
+        }
+        (self.times, self.effort) = (0, effort);
+    }
 }
 
 /// Which blocks may have moved.
@@ -243,10 +285,11 @@ impl<'m> Frame<'m> {
         };
         let tree = TrackedTree {
             bounds: hierarchy.bounds(&storage.wide),
-            storage: Arc::new(storage),
             triangles: count,
             hashes,
             clusters,
+            rot: Rot::new(hierarchy.effort(&storage.wide)),
+            storage: Arc::new(storage),
             hierarchy,
             late,
         };
@@ -393,22 +436,18 @@ impl<'m> Frame<'m> {
         let count = self.triangles.len();
         let sorting = SORTING * tree.clusters.count() as u32;
         let (hierarchy, boxes) = (&mut tree.hierarchy, &tree.clusters.boxes);
+        let sizes = &tree.clusters.sizes;
         let touched = hierarchy.refit_leaves(&mut storage.wide, boxes, marks);
         hierarchy.leave_out(&changes.regions);
         let mut searched = 0;
-        if hierarchy.drift_of_leaves() > LARGEST_DRIFT {
-            let loose = hierarchy.loose(regions(&storage.nodes), LARGEST_DRIFT);
-            let leaves: usize = loose.iter().map(Range::len).sum();
-            let share = leaves as f64 / storage.wide.leaf_count() as f64;
-            let all = share > LARGEST_CHANGE || hierarchy.scatter() > LARGEST_SCATTER;
+        let growth = hierarchy.drift();
+        if growth > LARGEST_DRIFT {
+            let loose = hierarchy.loose(&storage.nodes, growth);
             if !self.budget.allows(sorting) {
-                changes.late += 1;
-            } else if all {
-                let (storage, amounts) = self.sort_all(tree, storage, &changes);
-                return (storage, amounts, changes.late);
+                changes.late += usize::from(!loose.is_empty());
             } else {
                 for leaves in loose {
-                    searched += triangles(&storage.wide, leaves.clone());
+                    searched += triangles(&storage.wide, leaves.clone(), sizes);
                     let blocks = blocks_of(&storage.wide.nodes()[leaves.clone()]);
                     let blocks = blocks.map(|block| block as u32).collect();
                     changes.regions.push(Region { leaves, blocks });
@@ -417,16 +456,22 @@ impl<'m> Frame<'m> {
         }
         if changes.regions.is_empty() {
             hierarchy.refit_inner(&mut storage.wide);
-            let settled = hierarchy.drift_of_nodes(&storage.wide) <= LARGEST_DRIFT;
+            let settled = hierarchy.shift(&storage.wide) <= LARGEST_SHIFT;
             if settled || !self.budget.allows(sorting) {
                 storage.listing = Listing::Blocks(Default::default());
-                let amounts = touched.nodes(&storage, count);
+                let amounts = touched.nodes(&storage, sizes, count);
                 return (storage, amounts, changes.late + usize::from(!settled));
             }
         }
+        tree.rot.times += 1;
+        if tree.rot.times > tree.rot.patience && self.budget.allows(sorting) {
+            let (storage, amounts) = self.sort_all(tree, storage, &changes);
+            return (storage, amounts, changes.late);
+        }
         let stays = count - searched - changes.formed.min(count);
-        let mut amounts = touched.leaves(&storage.wide, &changes.regions, stays);
+        let mut amounts = touched.leaves(&storage.wide, &changes.regions, sizes, stays);
         storage = hierarchy.sort_leaves(storage, boxes, &changes.regions);
+        tree.rot.effort = hierarchy.effort(&storage.wide);
         amounts.rebuilt.references = changes.formed;
         amounts.searched = Amount {
             nodes: storage.nodes.len() - amounts.kept.nodes - amounts.moved.nodes,
@@ -443,6 +488,7 @@ impl<'m> Frame<'m> {
         changes: &Changes,
     ) -> (Storage, Amounts) {
         let (storage, hierarchy) = hierarchy::sort(&tree.clusters.boxes, storage.wide.blocks);
+        tree.rot.all_sorted(hierarchy.effort(&storage.wide));
         tree.hierarchy = hierarchy;
         let count = self.triangles.len();
         let formed = changes.formed.min(count);
@@ -530,8 +576,8 @@ impl TrackedTree {
         let wide = &self.storage.wide;
         let innovation = Innovation {
             blocks: self.clusters.wear(),
-            leaves: self.hierarchy.drift_of_leaves(),
-            nodes: self.hierarchy.drift_of_nodes(wide),
+            leaves: self.hierarchy.drift(),
+            nodes: self.hierarchy.shift(wide),
         };
         let Costs {
             inner,

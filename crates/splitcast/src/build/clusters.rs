@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::hierarchy::Region;
+use super::hierarchy::{Region, blocks_of};
 use super::object_split;
 use super::{Reference, Triangles};
 use crate::kd_tree::{Listing, Node, NodeKind, Storage};
 use crate::wide::refit::{refit_blocks, triangle_areas};
-use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree};
+use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree, collapse, wide_leaves};
 use crate::{Aabb, Mesh};
 
 /// Triangles of a leaf whose blocks fill a wide node.
@@ -105,33 +105,38 @@ fn formed(triangles: &Triangles<'_>) -> Storage {
     let mut references = triangles.references();
     let subtree = object_split::sort(&mut references, FULL_LEAF);
     let (nodes, members) = (subtree.nodes(), subtree.references());
-    let wide = WideTree::new(triangles.mesh(), Cells::Overlapping, nodes, members);
-    by_blocks(nodes, wide)
+    let (leaves, blocks) = wide_leaves(triangles.mesh(), Cells::Overlapping, nodes, members);
+    tree_of_blocks(nodes, leaves, blocks)
 }
 
-/// The tree of wide leaves with a block a lane, as the tree of the blocks.
-pub(super) fn by_blocks(nodes: &[Node], wide: WideTree) -> Storage {
-    let mut members = Vec::with_capacity(wide.blocks.end());
-    let mut leaves = wide.nodes().iter();
+/// The tree of `nodes` above wide leaves with a block a lane.
+pub(super) fn tree_of_blocks(nodes: &[Node], leaves: Vec<WideNode>, blocks: Blocks) -> Storage {
+    let (inner, (nodes, members)) =
+        rayon::join(|| collapse(nodes, &leaves), || listed(nodes, &leaves));
+    Storage {
+        nodes,
+        members,
+        listing: Listing::Blocks(Default::default()),
+        wide: WideTree::assemble(leaves, inner, blocks),
+    }
+}
+
+/// Nodes whose leaves list the blocks in wide leaves, and these blocks.
+fn listed(nodes: &[Node], leaves: &[WideNode]) -> (Vec<Node>, Vec<u32>) {
+    let mut members = Vec::with_capacity(LANES * leaves.len());
+    let mut leaves = leaves.iter();
     let list = |node: &Node| match node.kind() {
         NodeKind::Inner { .. } => *node,
         NodeKind::Leaf { .. } => {
             let first = members.len();
             let leaf = leaves.next().expect("a wide leaf for each leaf");
-            members.extend(
-                (0..LANES)
-                    .flat_map(|lane| leaf.blocks(lane))
-                    .map(|b| b as u32),
-            );
+            let blocks = blocks_of(std::slice::from_ref(leaf));
+            members.extend(blocks.map(|block| block as u32));
             Node::leaf(first, members.len() - first)
         }
     };
-    Storage {
-        nodes: nodes.iter().map(list).collect(),
-        members,
-        listing: Listing::Blocks(Default::default()),
-        wide,
-    }
+    let nodes = nodes.iter().map(list).collect();
+    (nodes, members)
 }
 
 impl Clusters {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::clusters::by_blocks;
+use super::clusters::tree_of_blocks;
 use super::tracked::Amounts;
 use super::{Amount, Reference, object_split};
 use crate::kd_tree::{Node, NodeKind, Storage};
@@ -51,7 +51,7 @@ pub(super) fn sort(boxes: &[Reference], blocks: Blocks) -> (Storage, Hierarchy) 
     let in_use = boxes.iter().filter(|own| !own.is_empty());
     let mut members: Vec<Reference> = in_use.copied().collect();
     let (nodes, leaves) = into_leaves(&mut members);
-    let mut storage = by_blocks(&nodes, WideTree::assemble(&nodes, leaves, blocks));
+    let mut storage = tree_of_blocks(&nodes, leaves, blocks);
     let hierarchy = Hierarchy::new(&mut storage.wide, boxes);
     (storage, hierarchy)
 }
@@ -218,8 +218,7 @@ impl Hierarchy {
         self.tallies = in_order(&self.tallies, order, 0);
         self.spreads = in_order(&self.spreads, order, 0);
         self.seats.clear();
-        let wide = WideTree::assemble(subtree.nodes(), sorted, blocks);
-        let mut storage = by_blocks(subtree.nodes(), wide);
+        let mut storage = tree_of_blocks(subtree.nodes(), sorted, blocks);
         self.refit_inner(&mut storage.wide);
         self.sorted = self.overhead(&storage.wide);
         storage
@@ -346,9 +345,10 @@ impl NewLeaves {
 }
 
 /// Some of the values, in the order given, and room for others.
-fn in_order<T: Copy>(values: &[T], order: &[u32], room: usize) -> Vec<T> {
+fn in_order<T: Copy + Send + Sync>(values: &[T], order: &[u32], room: usize) -> Vec<T> {
     let mut sorted = Vec::with_capacity(room.max(order.len()));
-    sorted.extend(order.iter().map(|&place| values[place as usize]));
+    let places = order.par_iter().with_min_len(LEAVES);
+    sorted.par_extend(places.map(|&place| values[place as usize]));
     sorted
 }
 

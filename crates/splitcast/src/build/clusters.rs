@@ -190,7 +190,8 @@ impl Clusters {
         &self.homes
     }
 
-    /// By how much blocks have grown since they were formed, set against their triangles.
+    /// By how much blocks have grown since they were formed, set against their triangles. Infinite if
+    /// none ever were.
     pub(super) fn wear(&self) -> f32 {
         let (mut now, mut formed) = (0.0, 0.0);
         for (index, own) in self.boxes.iter().enumerate() {
@@ -199,7 +200,7 @@ impl Clusters {
                 formed += self.spreads[index] * self.areas[index];
             }
         }
-        if formed > 0.0 { now / formed } else { 1.0 }
+        if now > 0.0 { now / formed } else { 1.0 }
     }
 
     /// Which share of a sample of the blocks will have come apart when they are brought up to date. With

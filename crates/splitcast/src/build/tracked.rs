@@ -121,7 +121,8 @@ pub(crate) struct TrackedUpdate<'m> {
 /// not: since they were last sorted or formed. 1 is a perfect prediction, and less is better than it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation {
-    /// Blocks, set against their triangles.
+    /// Blocks, set against their triangles. Infinite if there was no time to form any
+    /// ([`Tracker::update_within`](crate::Tracker::update_within)).
     pub blocks: f32,
     /// Leaves, set against their blocks.
     pub leaves: f32,
@@ -590,7 +591,11 @@ impl TrackedTree {
         Quality {
             cost,
             innovation,
-            ratio: if expected > 0.0 { cost / expected } else { 1.0 },
+            ratio: if expected > 0.0 && expected.is_finite() {
+                cost / expected
+            } else {
+                1.0
+            },
         }
     }
 

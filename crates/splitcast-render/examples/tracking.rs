@@ -76,7 +76,7 @@ fn quality(inputs: &[String]) -> Result<(), Failure> {
     for input in inputs {
         let mut tracker = Tracker::new(&BuildOptions::default())?;
         // By kind of rays, then by what is compared with.
-        let mut ratios = [[const { Vec::new() }; 2]; 2];
+        let mut ratios: [[Vec<f64>; 2]; 2] = Default::default();
         let frames = open(input)?;
         for frame in &frames {
             let mesh = Mesh::new(&frame.positions, &frame.triangles)?;
@@ -163,7 +163,8 @@ fn body_triangles(rows: u32) -> Vec<[u32; 3]> {
     let mut triangles = Vec::with_capacity((2 * rows * columns) as usize);
     for row in 0..rows {
         for column in 0..columns {
-            let corner = |down: u32, right: u32| (row + down) * columns + (column + right) % columns;
+            let corner =
+                |down: u32, right: u32| (row + down) * columns + (column + right) % columns;
             triangles.push([corner(0, 0), corner(1, 0), corner(0, 1)]);
             triangles.push([corner(1, 0), corner(1, 1), corner(0, 1)]);
         }

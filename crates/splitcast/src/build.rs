@@ -16,6 +16,7 @@ mod line_search;
 mod object_split;
 mod plane_search;
 mod references;
+mod regions;
 mod running;
 mod search;
 mod straddlers;

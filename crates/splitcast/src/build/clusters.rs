@@ -6,8 +6,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::hierarchy::{Region, blocks_of};
+use super::hierarchy::blocks_of;
 use super::object_split;
+use super::regions::Region;
 use super::{Reference, Triangles};
 use crate::kd_tree::{Listing, Node, NodeKind, Storage};
 use crate::wide::refit::{refit_blocks, triangle_areas};
@@ -16,9 +17,6 @@ use crate::{Aabb, Mesh};
 
 /// Triangles of a leaf whose blocks fill a wide node.
 const FULL_LEAF: usize = LANES * LANES;
-
-/// Neighboring blocks whose boxes have grown by this factor, set against their triangles, have come apart.
-const APART: f32 = 1.2;
 
 /// One of so many blocks is looked at to tell what has become of all.
 const SAMPLE_STRIDE: usize = 64;
@@ -30,8 +28,9 @@ pub(super) struct Clusters {
     pub(super) boxes: Vec<Reference>,
     /// Half the areas of the boxes of each block's triangles, added up.
     areas: Vec<f32>,
-    /// The area of each box over these, when the block was formed.
-    spreads: Vec<f32>,
+    /// The area of each box, with the block's share of that of its leaf, over these, when the block was
+    /// formed; 0 if it never was.
+    formed: Vec<f32>,
     /// Number of triangles of each block.
     pub(super) sizes: Vec<u8>,
     /// Indices without a block.
@@ -75,16 +74,6 @@ pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
     let (storage, mut clusters) = (formed(triangles), Clusters::default());
     let wide = &storage.wide;
     clusters.grow(wide.blocks.end());
-    for leaf in &wide.nodes()[..wide.leaf_count()] {
-        for lane in 0..LANES {
-            for block in leaf.blocks(lane) {
-                let Aabb { min, max } = leaf.bounds_of(lane);
-                clusters.boxes[block] = Reference::new(min, max, block as u32);
-            }
-        }
-    }
-    let unused = clusters.boxes.iter().filter(|own| own.is_empty());
-    clusters.free = unused.map(|own| own.triangle).collect();
     let areas = clusters.areas.par_chunks_mut(CHUNK);
     let sizes = clusters.sizes.par_chunks_mut(CHUNK);
     let own = areas.zip(sizes);
@@ -94,9 +83,18 @@ pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
             *size = block.size();
         }
     });
-    for index in 0..clusters.boxes.len() {
-        clusters.spreads[index] = clusters.spread(index);
+    for leaf in &wide.nodes()[..wide.leaf_count()] {
+        let share = leaf_share(leaf);
+        for lane in 0..LANES {
+            for block in leaf.blocks(lane) {
+                let bounds = leaf.bounds_of(lane);
+                clusters.boxes[block] = Reference::new(bounds.min, bounds.max, block as u32);
+                clusters.formed[block] = spread(&bounds, share, clusters.areas[block]);
+            }
+        }
     }
+    let unused = clusters.boxes.iter().filter(|own| own.is_empty());
+    clusters.free = unused.map(|own| own.triangle).collect();
     (storage, clusters)
 }
 
@@ -148,7 +146,7 @@ impl Clusters {
                 .push(Reference::new(none.min, none.max, index as u32));
         }
         self.areas.resize(self.boxes.len(), 0.0);
-        self.spreads.resize(self.boxes.len(), 0.0);
+        self.formed.resize(self.boxes.len(), 0.0);
         self.sizes.resize(self.boxes.len(), 0);
     }
 
@@ -190,17 +188,22 @@ impl Clusters {
         &self.homes
     }
 
-    /// By how much blocks have grown since they were formed, set against their triangles. Infinite if
-    /// none ever were.
-    pub(super) fn wear(&self) -> f32 {
-        let (mut now, mut formed) = (0.0, 0.0);
-        for (index, own) in self.boxes.iter().enumerate() {
-            if !own.is_empty() {
-                now += own.bounds().half_area();
-                formed += self.spreads[index] * self.areas[index];
-            }
-        }
-        if now > 0.0 { now / formed } else { 1.0 }
+    /// What the area of a block and its share of that of its leaf should be: as it was when the block was
+    /// formed, set against those of its triangles. The block may just have been given up.
+    pub(super) fn expected(&self, index: usize) -> f32 {
+        self.formed[index] * self.areas[index]
+    }
+
+    /// That of all blocks.
+    pub(super) fn expected_of_all(&self) -> f32 {
+        let in_use = (0..self.boxes.len()).filter(|&index| self.is_in_use(index));
+        in_use.map(|index| self.expected(index)).sum()
+    }
+
+    /// Half the areas of all triangles' boxes, added up.
+    pub(super) fn triangle_area(&self) -> f32 {
+        let in_use = (0..self.boxes.len()).filter(|&index| self.is_in_use(index));
+        in_use.map(|index| self.areas[index]).sum()
     }
 
     /// Which share of a sample of the blocks will have come apart when they are brought up to date. With
@@ -218,36 +221,15 @@ impl Clusters {
         let mut areas = vec![0.0; sample.len()];
         refit_blocks(mesh, &mut sample, &mut boxes, &mut areas, |_| true);
         let is_apart = |place: &usize| {
-            let formed = self.spreads[indices[*place]] * areas[*place];
-            boxes[*place].bounds().half_area() > APART * formed
+            boxes[*place].bounds().half_area() > self.formed[indices[*place]] * areas[*place]
         };
         let apart = (0..sample.len()).filter(is_apart).count();
         apart as f64 / sample.len().max(1) as f64
     }
 
-    /// Whether neighboring blocks have come apart. Some may just have been given up.
-    pub(super) fn are_apart(&self, blocks: impl Iterator<Item = usize>) -> bool {
-        let (mut now, mut formed) = (0.0, 0.0);
-        for index in blocks.filter(|&index| self.is_in_use(index)) {
-            now += self.boxes[index].bounds().half_area();
-            formed += self.spreads[index] * self.areas[index];
-        }
-        now > APART * formed
-    }
-
     /// Whether there is a block of this index.
     pub(super) fn is_in_use(&self, index: usize) -> bool {
         !self.boxes[index].is_empty()
-    }
-
-    /// The area of a block's box over those of its triangles' boxes; 0 if these have none.
-    fn spread(&self, index: usize) -> f32 {
-        let own = &self.boxes[index];
-        let spread = own.bounds().half_area() / self.areas[index];
-        if own.is_empty() || !spread.is_finite() {
-            return 0.0;
-        }
-        spread
     }
 
     /// Takes the triangles from `count` on out of their blocks.
@@ -316,6 +298,7 @@ impl Clusters {
         }
         let mut count = 0;
         for (region, (triangles, formed)) in regions.iter_mut().zip(batches) {
+            region.sizes = leaf_sizes(&formed);
             region.blocks = self.put(blocks, formed);
             count += triangles;
         }
@@ -329,6 +312,8 @@ impl Clusters {
             block,
             bounds,
             area,
+            formed,
+            ..
         } in formed
         {
             let index = match self.free.pop() {
@@ -351,7 +336,7 @@ impl Clusters {
             self.boxes[index] = own;
             self.areas[index] = area;
             self.sizes[index] = block.size();
-            self.spreads[index] = self.spread(index);
+            self.formed[index] = formed;
             places.push(index as u32);
         }
         places
@@ -360,7 +345,7 @@ impl Clusters {
     /// Bytes allocated.
     pub(super) fn bytes(&self) -> usize {
         self.boxes.capacity() * size_of::<Reference>()
-            + (self.areas.capacity() + self.spreads.capacity()) * size_of::<f32>()
+            + (self.areas.capacity() + self.formed.capacity()) * size_of::<f32>()
             + (self.free.capacity() + self.homes.capacity()) * size_of::<u32>()
             + self.sizes.capacity()
     }
@@ -372,6 +357,29 @@ struct NewBlock {
     bounds: Aabb,
     /// Half the areas of the boxes of its triangles, added up.
     area: f32,
+    /// [`spread`]
+    formed: f32,
+    /// Whether it is the first of a leaf.
+    opens_leaf: bool,
+}
+
+/// Numbers of blocks of leaves, given all blocks in order.
+fn leaf_sizes(blocks: &[NewBlock]) -> Vec<u8> {
+    let leaves = blocks.chunk_by(|_, next| !next.opens_leaf);
+    leaves.map(|leaf| leaf.len() as u8).collect()
+}
+
+/// Half the area of a block's box, with its share of that of its leaf, over those of its triangles' boxes; 0 if
+/// these have none.
+fn spread(bounds: &Aabb, share: f32, triangles: f32) -> f32 {
+    let spread = (bounds.half_area() + share) / triangles;
+    if spread.is_finite() { spread } else { 0.0 }
+}
+
+/// Half the area of a leaf's box, over the number of its blocks.
+fn leaf_share(leaf: &WideNode) -> f32 {
+    let blocks = blocks_of(std::slice::from_ref(leaf)).count();
+    leaf.content().half_area() / blocks.max(1) as f32
 }
 
 /// Triangles in blocks of neighbors.
@@ -384,12 +392,18 @@ fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<NewBlock> {
         triangle_areas(chunk, &mut areas);
         let here = |leaf: &&&WideNode| leaf.blocks(0).start / CHUNK == index;
         while let Some(leaf) = leaves.next_if(|leaf| here(&leaf)) {
+            let share = leaf_share(leaf);
             for lane in 0..LANES {
                 let bounds = leaf.bounds_of(lane);
-                formed.extend(leaf.blocks(lane).map(|place| NewBlock {
-                    block: *wide.block(place),
-                    bounds,
-                    area: areas[place % CHUNK],
+                formed.extend(leaf.blocks(lane).map(|place| {
+                    let area = areas[place % CHUNK];
+                    NewBlock {
+                        block: *wide.block(place),
+                        bounds,
+                        area,
+                        formed: spread(&bounds, share, area),
+                        opens_leaf: lane == 0,
+                    }
                 }));
             }
         }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::clusters::tree_of_blocks;
+use super::regions::{Growth, Region};
 use super::tracked::Amounts;
 use super::{Amount, Reference, object_split};
 use crate::kd_tree::{Node, NodeKind, Storage};
@@ -15,9 +16,6 @@ use crate::{Aabb, CostModel};
 
 /// Leaves that one task refits.
 const LEAVES: usize = 256;
-
-/// Leaves of a subtree whose blocks are sorted together, at most.
-const REGION: usize = 8;
 
 /// What a tracker knows of its tree's nodes in their wide form.
 #[derive(Clone, Debug, Default)]
@@ -39,13 +37,6 @@ pub(super) enum Touched {
     Some(Vec<bool>),
 }
 
-/// Leaves next to each other that give way to others.
-pub(super) struct Region {
-    pub(super) leaves: Range<usize>,
-    /// What the others are made of.
-    pub(super) blocks: Vec<u32>,
-}
-
 /// Sorts blocks, given the boxes of those that are in use, into a new hierarchy.
 pub(super) fn sort(boxes: &[Reference], blocks: Blocks) -> (Storage, Hierarchy) {
     let in_use = boxes.iter().filter(|own| !own.is_empty());
@@ -62,34 +53,21 @@ fn into_leaves(members: &mut [Reference]) -> (Vec<Node>, Vec<WideNode>) {
     let mut leaves = Vec::with_capacity(subtree.nodes().len() / 2 * 5 / 4 + 2);
     for node in subtree.nodes() {
         if let NodeKind::Leaf { first, count } = node.kind() {
-            let mut leaf = WideNode::EMPTY_LEAF;
-            for (lane, own) in members[first..first + count].iter().enumerate() {
-                leaf.set_bounds(lane, &own.bounds());
-                leaf.first[lane] = own.triangle;
-                leaf.end[lane] = own.triangle + 1;
-            }
-            leaves.push(leaf);
+            leaves.push(leaf_of(&members[first..first + count]));
         }
     }
     (subtree.into_nodes(), leaves)
 }
 
-/// The leaves of the largest subtrees of no more than [`REGION`], in order.
-pub(super) fn regions(nodes: &[Node]) -> Vec<Range<usize>> {
-    let mut found = Vec::with_capacity(nodes.len() / REGION + 1);
-    let mut waiting = vec![(0, nodes.len(), 0)];
-    while let Some((root, end, first)) = waiting.pop() {
-        let leaves_of = |nodes: usize| nodes.div_ceil(2);
-        let count = leaves_of(end - root);
-        match nodes[root].kind() {
-            NodeKind::Inner { right, .. } if count > REGION => {
-                waiting.push((right, end, first + leaves_of(right - root - 1)));
-                waiting.push((root + 1, right, first));
-            }
-            _ => found.push(first..first + count),
-        }
+/// The leaf of some blocks, one a lane.
+fn leaf_of(blocks: &[Reference]) -> WideNode {
+    let mut leaf = WideNode::EMPTY_LEAF;
+    for (lane, own) in blocks.iter().enumerate() {
+        leaf.set_bounds(lane, &own.bounds());
+        leaf.first[lane] = own.triangle;
+        leaf.end[lane] = own.triangle + 1;
     }
-    found
+    leaf
 }
 
 /// The blocks of leaves with one a lane, in order.
@@ -148,13 +126,6 @@ impl Hierarchy {
         refit_inner(&mut wide.nodes, leaf_count, contents, tallies);
     }
 
-    /// Leaves that are about to give way do not count any more.
-    pub(super) fn leave_out(&mut self, regions: &[Region]) {
-        for region in regions {
-            self.tallies[region.leaves.clone()].fill(Tally::default());
-        }
-    }
-
     /// The leaves of blocks that `moved` marks.
     fn touched(&mut self, wide: &WideTree, moved: &[bool]) -> Vec<bool> {
         let leaves = &wide.nodes[..wide.leaf_count()];
@@ -196,7 +167,7 @@ impl Hierarchy {
         }
         let made: Vec<NewLeaves> = regions
             .par_iter()
-            .map(|region| NewLeaves::of(boxes, &region.blocks))
+            .map(|region| NewLeaves::of(boxes, region))
             .collect();
         for new in made {
             self.spreads.extend(new.tallies.iter().map(Tally::spread));
@@ -224,28 +195,34 @@ impl Hierarchy {
         storage
     }
 
-    /// Regions whose leaves have grown by a factor of more than `limit` since they were made, set against
-    /// their blocks.
-    pub(super) fn loose(&self, nodes: &[Node], limit: f32) -> Vec<Range<usize>> {
-        let is_loose = |region: &Range<usize>| self.growth(region.clone()) > limit;
-        regions(nodes).into_iter().filter(is_loose).collect()
+    /// The area of a leaf now, and what it should be: what it was when the leaf was made, set against that of its
+    /// blocks.
+    pub(super) fn growth_of(&self, leaf: usize) -> Growth {
+        let tally = &self.tallies[leaf];
+        Growth {
+            now: tally.leaves,
+            expected: self.spreads[leaf] * tally.blocks,
+        }
+    }
+
+    /// The areas of a leaf's blocks.
+    pub(super) fn blocks_of(&self, leaf: usize) -> f32 {
+        self.tallies[leaf].blocks
+    }
+
+    /// The areas of all leaves and blocks.
+    pub(super) fn area_below(&self, wide: &WideTree) -> f32 {
+        let root = self.tallies[wide.root as usize];
+        root.leaves + root.blocks
     }
 
     /// By how much leaves have grown since they were made, set against their blocks.
     pub(super) fn drift(&self) -> f32 {
-        self.growth(0..self.spreads.len())
-    }
-
-    fn growth(&self, leaves: Range<usize>) -> f32 {
-        let (mut now, mut made) = (0.0, 0.0);
-        for (tally, spread) in self.tallies[leaves.clone()]
-            .iter()
-            .zip(&self.spreads[leaves])
-        {
-            now += tally.leaves;
-            made += spread * tally.blocks;
+        let mut all = Growth::default();
+        for leaf in 0..self.spreads.len() {
+            all.add(self.growth_of(leaf));
         }
-        if made > 0.0 { now / made } else { 1.0 }
+        all.factor()
     }
 
     /// By how much inner nodes have grown, set against the leaves, since these were sorted.
@@ -254,16 +231,6 @@ impl Hierarchy {
             self.overhead(wide) / self.sorted
         } else {
             1.0
-        }
-    }
-
-    /// The areas of all nodes over those of the blocks: what is spent on finding these.
-    pub(super) fn effort(&self, wide: &WideTree) -> f32 {
-        let root = self.tallies[wide.root as usize];
-        if root.blocks > 0.0 {
-            (root.inner + root.leaves) / root.blocks
-        } else {
-            0.0
         }
     }
 
@@ -287,19 +254,14 @@ impl Hierarchy {
         }
     }
 
-    /// Expected cost of a ray that meets the box around all
+    /// Expected cost of a ray that meets the box around all, times half the area of that
     /// ([`TreeStats::traced_cost`](crate::TreeStats::traced_cost)).
     pub(super) fn costs(&self, wide: &WideTree, cost: &CostModel) -> Costs {
         let root = self.tallies[wide.root as usize];
-        let area = self.contents[wide.root as usize].bounds().half_area();
-        if area <= 0.0 {
-            return Costs::default();
-        }
-        let each = |weight: f32, areas: f32| f64::from(weight) * f64::from(areas / area);
         Costs {
-            inner: each(cost.traversal, root.inner),
-            leaves: each(cost.traversal, root.leaves),
-            blocks: each(cost.leaf(LANES as u32), root.blocks),
+            inner: cost.traversal * root.inner,
+            leaves: cost.traversal * root.leaves,
+            blocks: cost.leaf(LANES as u32) * root.blocks,
         }
     }
 
@@ -312,12 +274,18 @@ impl Hierarchy {
     }
 }
 
-/// What a ray is expected to spend on each level.
+/// What is expected to be spent on each level.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Costs {
-    pub(super) inner: f64,
-    pub(super) leaves: f64,
-    pub(super) blocks: f64,
+    pub(super) inner: f32,
+    pub(super) leaves: f32,
+    pub(super) blocks: f32,
+}
+
+impl Costs {
+    pub(super) fn sum(&self) -> f32 {
+        self.inner + self.leaves + self.blocks
+    }
 }
 
 /// Leaves that have no place yet.
@@ -328,11 +296,20 @@ struct NewLeaves {
 }
 
 impl NewLeaves {
-    /// Leaves of these blocks.
-    fn of(boxes: &[Reference], blocks: &[u32]) -> Self {
-        let own = blocks.iter().map(|&block| boxes[block as usize]);
+    /// Those of a region.
+    fn of(boxes: &[Reference], region: &Region) -> Self {
+        let own = region.blocks.iter().map(|&block| boxes[block as usize]);
         let mut members: Vec<Reference> = own.collect();
-        let (_, mut leaves) = into_leaves(&mut members);
+        let mut leaves = Vec::with_capacity(region.sizes.len());
+        let mut rest = &members[..];
+        for &size in &region.sizes {
+            let (own, others) = rest.split_at(usize::from(size));
+            leaves.push(leaf_of(own));
+            rest = others;
+        }
+        if leaves.is_empty() {
+            (_, leaves) = into_leaves(&mut members);
+        }
         let mut contents = vec![Reference::ZERO; leaves.len()];
         let mut tallies = vec![Tally::default(); leaves.len()];
         refit_leaves(&mut leaves, boxes, &mut contents, &mut tallies, |_| true);
@@ -353,6 +330,13 @@ fn in_order<T: Copy + Send + Sync>(values: &[T], order: &[u32], room: usize) -> 
 }
 
 impl Touched {
+    pub(super) fn contains(&self, leaf: usize) -> bool {
+        match self {
+            Self::All => true,
+            Self::Some(touched) => touched[leaf],
+        }
+    }
+
     /// What becomes of the leaves of a tree, but those of `regions`. `sizes` are the numbers of
     /// triangles of the blocks, and `count` that of the leaves that are told of.
     pub(super) fn leaves(
@@ -396,10 +380,7 @@ impl Touched {
         for (index, node) in storage.nodes.iter().enumerate().rev() {
             let NodeKind::Inner { right, .. } = node.kind() else {
                 leaf -= 1;
-                moved[index] = match self {
-                    Self::All => true,
-                    Self::Some(touched) => touched[leaf],
-                };
+                moved[index] = self.contains(leaf);
                 continue;
             };
             moved[index] = moved[index + 1] | moved[right];

@@ -19,17 +19,24 @@ use std::time::{Duration, Instant};
 
 use super::changes::MeshHashes;
 use super::clusters::{self, Clusters};
-use rayon::prelude::*;
 
-use super::hierarchy::{self, Costs, Hierarchy, Region, blocks_of, regions, triangles};
+use super::hierarchy::{self, Hierarchy, Touched, triangles};
+use super::regions::{Condition, Growth, Region, survey};
 use super::{BuildOptions, Triangles};
 use crate::kd_tree::{Listing, Storage};
-use crate::wide::LANES;
+use crate::wide::{LANES, WideTree};
 use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 
 /// If more than this share of the vertices may have moved, or of a sample of them, it is not looked into
 /// which triangles have.
 const MOST_OF_THE_VERTICES: f64 = 0.6;
+
+/// Regions that have grown by this factor since their blocks were formed have come apart, and are formed
+/// anew.
+const APART: f32 = 1.5;
+
+/// If more than this share of the blocks is to be formed anew, all is built anew.
+const LARGEST_CHANGE: f64 = 0.7;
 
 /// When leaves together have grown by this factor, set against their blocks, the blocks of those that have
 /// grown by more than all together are sorted into new ones.
@@ -39,19 +46,13 @@ const LARGEST_DRIFT: f32 = 1.05;
 /// hierarchy.
 const LARGEST_SHIFT: f32 = 1.03;
 
-/// After how many times that only leaves are sorted all blocks are: at first, at least and at most.
-const PATIENCE: [u32; 3] = [8, 4, 64];
+/// A tree that is taken to be worse than a new one by this factor is built anew, but not within so many
+/// frames of the last time.
+const LARGEST_ROT: f32 = 1.1;
+const REST: u32 = 4;
 
-/// If sorting all blocks saves rays this factor of the way to them, it pays to do so more often; if
-/// less than the second, less often.
-const GAINS: [f32; 2] = [1.05, 1.02];
-
-/// When all blocks' boxes together have grown by this factor, set against their triangles, those that have
-/// come apart are looked for.
-const LARGEST_WEAR: f32 = 1.05;
-
-/// If more than this share of the blocks are in regions that have come apart, all is built anew.
-const LARGEST_CHANGE: f64 = 0.7;
+/// By which power of its wear a tree is taken to be worse, as long as nothing else is known.
+const POWER: f32 = 1.6;
 
 /// If more than this share of a sample of the blocks have come apart, it is not looked into which have.
 const MOST_OF_THE_BLOCKS: f64 = 0.4;
@@ -121,7 +122,7 @@ pub(crate) struct TrackedUpdate<'m> {
 /// not: since they were last sorted or formed. 1 is a perfect prediction, and less is better than it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation {
-    /// Blocks, set against their triangles. Infinite if there was no time to form any
+    /// Blocks and leaves, set against their triangles, since blocks were formed. Infinite if there was no time to form any
     /// ([`Tracker::update_within`](crate::Tracker::update_within)).
     pub blocks: f32,
     /// Leaves, set against their blocks.
@@ -147,7 +148,7 @@ pub(crate) struct Quality {
     /// Expected cost of a ray.
     pub(crate) cost: f64,
     pub(crate) innovation: Innovation,
-    /// The cost over what it would be without either.
+    /// How much worse it is taken to be than a new one.
     pub(crate) ratio: f64,
 }
 
@@ -166,36 +167,47 @@ pub(crate) struct TrackedTree {
     late: bool,
 }
 
-/// How well it goes without sorting all blocks: what is predicted of that from how it was before.
+/// How much worse a tree is than a new one. Its wear tells, but not in which measure, which is predicted from
+/// what it was when the tree was last built anew.
 #[derive(Clone, Copy, Debug)]
 struct Rot {
-    /// Times that only leaves were sorted since.
-    times: u32,
-    /// How many are enough.
-    patience: u32,
-    /// Nodes a block that a ray was to meet when nodes were last sorted.
+    /// By how much blocks and leaves have grown ([`Innovation::blocks`]).
+    wear: f32,
+    /// Expected cost of a ray over the triangles' areas.
     effort: f32,
+    /// The power of the wear by which the tree is taken to be worse.
+    power: f32,
+    /// Frames since all was built.
+    frames: u32,
 }
 
 impl Rot {
-    fn new(effort: f32) -> Self {
+    /// A new tree's.
+    fn none(effort: f32) -> Self {
         Self {
-            times: 0,
-            patience: PATIENCE[0],
+            wear: 1.0,
             effort,
+            power: POWER,
+            frames: 0,
         }
     }
 
-    /// All blocks were sorted, which shows whether it was time.
-    fn all_sorted(&mut self, effort: f32) {
-        let gain = self.effort / effort;
-        let [_, least, most] = PATIENCE;
-        if gain > GAINS[0] {
-            self.patience = (self.patience / 2).max(least);
-        } else if gain < GAINS[1] {
-            self.patience = (self.patience * 2).min(most);
+    /// By what factor the tree is taken to be worse than a new one.
+    fn factor(&self) -> f32 {
+        self.wear.powf(self.power)
+    }
+
+    fn calls_for_building(&self) -> bool {
+        self.frames >= REST && self.factor() > LARGEST_ROT
+    }
+
+    /// What was predicted is followed by a new tree's effort, which shows what it should have been.
+    fn correct(&mut self, effort: f32) {
+        let power = (self.effort / effort).ln() / self.wear.ln();
+        if power.is_finite() {
+            // As much is learned as is forgotten.
+            self.power = 0.5 * self.power + 0.5 * power.clamp(0.2, 2.0 * POWER);
         }
-        (self.times, self.effort) = (0, effort);
     }
 }
 
@@ -229,7 +241,12 @@ pub(crate) fn update<'m>(
         }
         (None, _) => MeshHashes::of(mesh),
     };
-    let frame = Frame { triangles, budget };
+    let cost = options.cost;
+    let frame = Frame {
+        triangles,
+        budget,
+        cost,
+    };
     let (next, amounts, late) = match last {
         Some(last) => frame.follow(last, moved, hashes),
         None => frame.begin(hashes),
@@ -263,6 +280,7 @@ pub(super) fn build<'m>(triangles: &Triangles<'m>, options: &BuildOptions) -> Kd
 struct Frame<'m> {
     triangles: Triangles<'m>,
     budget: Budget,
+    cost: CostModel,
 }
 
 impl<'m> Frame<'m> {
@@ -284,12 +302,13 @@ impl<'m> Frame<'m> {
             nodes: storage.nodes.len(),
             references: count,
         };
+        let effort = hierarchy.costs(&storage.wide, &self.cost).sum() / clusters.triangle_area();
         let tree = TrackedTree {
             bounds: hierarchy.bounds(&storage.wide),
             triangles: count,
             hashes,
             clusters,
-            rot: Rot::new(hierarchy.effort(&storage.wide)),
+            rot: Rot::none(effort),
             storage: Arc::new(storage),
             hierarchy,
             late,
@@ -329,30 +348,35 @@ impl<'m> Frame<'m> {
         };
         let marks = marks.as_deref();
         let blocks = &tree.storage.wide.blocks;
-        let torn = marks.is_none()
-            && tree.clusters.share_apart(mesh, blocks) > MOST_OF_THE_BLOCKS
-            && self.allows_building();
+        let rotten = tree.rot.calls_for_building();
+        let is_torn = || tree.clusters.share_apart(mesh, blocks) > MOST_OF_THE_BLOCKS;
+        if self.allows_building() && (rotten || marks.is_none() && is_torn()) {
+            return self.begin_again(tree, rotten);
+        }
         // In place, if nobody has the last tree any more.
         let storage = std::mem::take(&mut tree.storage);
-        if torn {
-            return self.begin_again(tree, storage);
-        }
         let mut storage = Arc::try_unwrap(storage).unwrap_or_else(|shared| (*shared).clone());
-        let recount = self.refit_blocks(&mut tree, &mut storage, marks);
-        let Some(changes) = self.form_anew(&mut tree, &mut storage) else {
-            return self.begin_again(tree, storage);
+        let (touched, mut changes) = if self.refit_blocks(&mut tree, &mut storage, marks) {
+            storage = self.sort_all(&mut tree, storage);
+            (Touched::All, Changes::sorted(count))
+        } else {
+            let boxes = &tree.clusters.boxes;
+            let touched = tree.hierarchy.refit_leaves(&mut storage.wide, boxes, marks);
+            (touched, Changes::default())
         };
-        let (storage, amounts, late) = match recount {
-            true => {
-                let (storage, amounts) = self.sort_all(&mut tree, storage, &changes);
-                (storage, amounts, changes.late)
-            }
-            false => self.sort_anew(&mut tree, storage, marks, changes),
-        };
+        if !self.choose(&mut tree, &mut storage, &touched, &mut changes) {
+            drop(storage);
+            return self.begin_again(tree, false);
+        }
+        let (storage, amounts) = self.arrange(&mut tree, storage, &touched, &mut changes);
+        let work = tree.hierarchy.costs(&storage.wide, &self.cost).sum();
+        tree.rot.effort = work / tree.clusters.triangle_area();
+        tree.rot.wear = tree.wear(&storage.wide);
+        tree.rot.frames += 1;
         tree.bounds = tree.hierarchy.bounds(&storage.wide);
         tree.storage = Arc::new(storage);
-        tree.late = late > 0;
-        (tree, amounts, late.min(count))
+        tree.late = changes.late > 0;
+        (tree, amounts, changes.late.min(count))
     }
 
     /// Whether there is time to build everything anew.
@@ -361,11 +385,18 @@ impl<'m> Frame<'m> {
             .allows(FORMING * (self.triangles.len() / LANES) as u32)
     }
 
-    /// [`Frame::begin`] when there was a tree, whose memory serves again.
-    fn begin_again<T>(&self, mut tree: TrackedTree, storage: T) -> (TrackedTree, Amounts, usize) {
+    /// [`Frame::begin`] when there was a tree, perhaps a rotten one.
+    fn begin_again(&self, mut tree: TrackedTree, rotten: bool) -> (TrackedTree, Amounts, usize) {
         let hashes = std::mem::take(&mut tree.hashes);
-        drop((tree, storage));
-        self.begin(hashes)
+        let mut rot = tree.rot;
+        // Its memory serves again.
+        drop(tree);
+        let (mut tree, amounts, late) = self.begin(hashes);
+        if rotten {
+            rot.correct(tree.rot.effort);
+        }
+        tree.rot.power = rot.power;
+        (tree, amounts, late)
     }
 
     /// Brings blocks up to date with the mesh. Gives whether it has another number of triangles.
@@ -390,116 +421,116 @@ impl<'m> Frame<'m> {
         recount
     }
 
-    /// Forms those blocks anew that have come apart. `None` if they are so many that all should be.
-    fn form_anew(&self, tree: &mut TrackedTree, storage: &mut Storage) -> Option<Changes> {
-        let mut changes = Changes::default();
-        if tree.clusters.wear() <= LARGEST_WEAR {
-            return Some(changes);
-        }
-        let mut apart = tree.apart(storage);
-        let total: usize = apart.iter().map(|region| region.blocks.len()).sum();
-        let share = total as f64 / tree.clusters.count().max(1) as f64;
-        if share > LARGEST_CHANGE && self.allows_building() {
-            return None;
-        }
-        let sorting = SORTING * tree.clusters.count() as u32;
-        let look = if self.budget.duration.is_some() {
-            REGIONS_A_LOOK * rayon::current_num_threads()
-        } else {
-            apart.len().max(1)
+    /// Chooses the regions that are to be done anew, and forms new blocks for those whose own have come
+    /// apart. False if they are so many that all should be built anew.
+    fn choose(
+        &self,
+        tree: &mut TrackedTree,
+        storage: &mut Storage,
+        touched: &Touched,
+        changes: &mut Changes,
+    ) -> bool {
+        let mut conditions = survey(storage, &tree.clusters, &tree.hierarchy, touched);
+        // The worst come first, in case there is no time for all.
+        let per_block = |condition: &Condition| {
+            let excess = condition.all.now - condition.all.expected;
+            excess / condition.blocks.max(1) as f32
         };
-        // The ones that were put off come first in the next frame.
-        let turn = apart.len() / 2 * usize::from(tree.late);
-        apart.rotate_left(turn);
-        let blocks = &mut storage.wide.blocks;
-        while !apart.is_empty() {
-            let mut regions: Vec<Region> = apart.drain(..look.min(apart.len())).collect();
-            let own: usize = regions.iter().map(|region| region.blocks.len()).sum();
+        conditions.sort_by(|a, b| per_block(b).total_cmp(&per_block(a)));
+        let blocks = tree.clusters.count();
+        let mut drift = Growth::default();
+        let (mut apart, mut others) = (Vec::new(), Vec::new());
+        let mut renewed = 0;
+        for condition in conditions {
+            drift.add(condition.nodes);
+            if condition.all.factor() > APART {
+                renewed += condition.blocks;
+                apart.push(condition);
+            } else {
+                others.push(condition);
+            }
+        }
+        if renewed as f64 > LARGEST_CHANGE * blocks as f64 && self.allows_building() {
+            return false;
+        }
+        let sorting = SORTING * blocks as u32;
+        let look = match self.budget.duration {
+            Some(_) => REGIONS_A_LOOK * rayon::current_num_threads(),
+            None => apart.len().max(1),
+        };
+        for chosen in apart.chunks(look) {
+            let own: usize = chosen.iter().map(|condition| condition.blocks).sum();
             if self.budget.allows(FORMING * own as u32 + sorting) {
-                let mesh = self.triangles.mesh();
+                let regions = chosen.iter();
+                let regions = regions.map(|one| Region::of(storage, one.leaves.clone()));
+                let mut regions: Vec<Region> = regions.collect();
+                let (mesh, blocks) = (self.triangles.mesh(), &mut storage.wide.blocks);
                 changes.formed += tree.clusters.form_anew(mesh, blocks, &mut regions);
                 changes.regions.extend(regions);
             } else {
                 changes.late += own * LANES;
             }
         }
-        Some(changes)
+        let drift = drift.factor();
+        if drift > LARGEST_DRIFT {
+            others.retain(|condition| condition.nodes.factor() > drift);
+            if !self.budget.allows(sorting) {
+                changes.late += usize::from(!others.is_empty());
+                return true;
+            }
+            for Condition { leaves, .. } in others {
+                changes.sorted += triangles(&storage.wide, leaves.clone(), &tree.clusters.sizes);
+                changes.regions.push(Region::of(storage, leaves));
+            }
+        }
+        true
     }
 
-    /// Brings the nodes above the blocks up to date, and sorts those anew that have grown.
-    fn sort_anew(
+    /// Brings the nodes above the leaves up to date, with the regions that are to be done anew.
+    fn arrange(
         &self,
         tree: &mut TrackedTree,
         mut storage: Storage,
-        marks: Option<&[bool]>,
-        mut changes: Changes,
-    ) -> (Storage, Amounts, usize) {
+        touched: &Touched,
+        changes: &mut Changes,
+    ) -> (Storage, Amounts) {
         let count = self.triangles.len();
         let sorting = SORTING * tree.clusters.count() as u32;
-        let (hierarchy, boxes) = (&mut tree.hierarchy, &tree.clusters.boxes);
-        let sizes = &tree.clusters.sizes;
-        let touched = hierarchy.refit_leaves(&mut storage.wide, boxes, marks);
-        hierarchy.leave_out(&changes.regions);
-        let mut searched = 0;
-        let growth = hierarchy.drift();
-        if growth > LARGEST_DRIFT {
-            let loose = hierarchy.loose(&storage.nodes, growth);
-            if !self.budget.allows(sorting) {
-                changes.late += usize::from(!loose.is_empty());
-            } else {
-                for leaves in loose {
-                    searched += triangles(&storage.wide, leaves.clone(), sizes);
-                    let blocks = blocks_of(&storage.wide.nodes()[leaves.clone()]);
-                    let blocks = blocks.map(|block| block as u32).collect();
-                    changes.regions.push(Region { leaves, blocks });
-                }
-            }
-        }
+        let hierarchy = &mut tree.hierarchy;
+        let (boxes, sizes) = (&tree.clusters.boxes, &tree.clusters.sizes);
         if changes.regions.is_empty() {
             hierarchy.refit_inner(&mut storage.wide);
             let settled = hierarchy.shift(&storage.wide) <= LARGEST_SHIFT;
-            if settled || !self.budget.allows(sorting) {
+            if changes.all_sorted || settled || !self.budget.allows(sorting) {
                 storage.listing = Listing::Blocks(Default::default());
-                let amounts = touched.nodes(&storage, sizes, count);
-                return (storage, amounts, changes.late + usize::from(!settled));
+                changes.late += usize::from(!settled);
+                let amounts = match changes.all_sorted {
+                    true => changes.amounts(storage.nodes.len(), count),
+                    false => touched.nodes(&storage, sizes, count),
+                };
+                return (storage, amounts);
             }
         }
-        tree.rot.times += 1;
-        if tree.rot.times > tree.rot.patience && self.budget.allows(sorting) {
-            let (storage, amounts) = self.sort_all(tree, storage, &changes);
-            return (storage, amounts, changes.late);
-        }
-        let stays = count - searched - changes.formed.min(count);
+        let stays = count.saturating_sub(changes.sorted + changes.formed);
         let mut amounts = touched.leaves(&storage.wide, &changes.regions, sizes, stays);
         storage = hierarchy.sort_leaves(storage, boxes, &changes.regions);
-        tree.rot.effort = hierarchy.effort(&storage.wide);
+        if changes.all_sorted {
+            let amounts = changes.amounts(storage.nodes.len(), count);
+            return (storage, amounts);
+        }
         amounts.rebuilt.references = changes.formed;
         amounts.searched = Amount {
             nodes: storage.nodes.len() - amounts.kept.nodes - amounts.moved.nodes,
-            references: searched,
+            references: changes.sorted,
         };
-        (storage, amounts, changes.late)
+        (storage, amounts)
     }
 
     /// Sorts all blocks into a new hierarchy.
-    fn sort_all(
-        &self,
-        tree: &mut TrackedTree,
-        storage: Storage,
-        changes: &Changes,
-    ) -> (Storage, Amounts) {
+    fn sort_all(&self, tree: &mut TrackedTree, storage: Storage) -> Storage {
         let (storage, hierarchy) = hierarchy::sort(&tree.clusters.boxes, storage.wide.blocks);
-        tree.rot.all_sorted(hierarchy.effort(&storage.wide));
         tree.hierarchy = hierarchy;
-        let count = self.triangles.len();
-        let formed = changes.formed.min(count);
-        let mut amounts = Amounts::default();
-        amounts.rebuilt.references = formed;
-        amounts.searched = Amount {
-            nodes: storage.nodes.len(),
-            references: count - formed,
-        };
-        (storage, amounts)
+        storage
     }
 }
 
@@ -510,8 +541,35 @@ struct Changes {
     regions: Vec<Region>,
     /// Triangles that are in new blocks.
     formed: usize,
+    /// Triangles whose blocks are sorted into new leaves.
+    sorted: usize,
+    /// Whether all are.
+    all_sorted: bool,
     /// How many there was no time for.
     late: usize,
+}
+
+impl Changes {
+    /// After all blocks were sorted.
+    fn sorted(count: usize) -> Self {
+        Self {
+            sorted: count,
+            all_sorted: true,
+            ..Self::default()
+        }
+    }
+
+    /// What becomes of a tree whose blocks were all sorted, given its nodes and triangles.
+    fn amounts(&self, nodes: usize, count: usize) -> Amounts {
+        let formed = self.formed.min(count);
+        let mut amounts = Amounts::default();
+        amounts.rebuilt.references = formed;
+        amounts.searched = Amount {
+            nodes,
+            references: count - formed,
+        };
+        amounts
+    }
 }
 
 impl TrackedTree {
@@ -558,44 +616,31 @@ impl TrackedTree {
         }
     }
 
-    /// The regions whose blocks have come apart.
-    fn apart(&self, storage: &Storage) -> Vec<Region> {
-        let wide = &storage.wide;
-        let find = |leaves: Range<usize>| {
-            let blocks = || blocks_of(&wide.nodes()[leaves.clone()]);
-            let in_use = |index: &usize| self.clusters.is_in_use(*index);
-            self.clusters.are_apart(blocks()).then(|| Region {
-                blocks: (blocks().filter(in_use).map(|block| block as u32)).collect(),
-                leaves: leaves.clone(),
-            })
+    /// By how much blocks and leaves have grown since blocks were formed.
+    fn wear(&self, wide: &WideTree) -> f32 {
+        let below = Growth {
+            now: self.hierarchy.area_below(wide),
+            expected: self.clusters.expected_of_all(),
         };
-        let found = regions(&storage.nodes).into_par_iter().filter_map(find);
-        found.collect()
+        below.factor()
     }
 
     fn quality(&self, cost: &CostModel) -> Quality {
         let wide = &self.storage.wide;
         let innovation = Innovation {
-            blocks: self.clusters.wear(),
+            blocks: self.rot.wear,
             leaves: self.hierarchy.drift(),
             nodes: self.hierarchy.shift(wide),
         };
-        let Costs {
-            inner,
-            leaves,
-            blocks,
-        } = self.hierarchy.costs(wide, cost);
-        let [a, b, c] = [innovation.nodes, innovation.leaves, innovation.blocks].map(f64::from);
-        let cost = inner + leaves + blocks;
-        let expected = (((inner / a) + leaves) / b + blocks) / c;
+        let costs = self.hierarchy.costs(wide, cost);
+        let area = self.bounds.half_area();
         Quality {
-            cost,
-            innovation,
-            ratio: if expected > 0.0 && expected.is_finite() {
-                cost / expected
-            } else {
-                1.0
+            cost: match area > 0.0 {
+                true => f64::from(costs.sum() / area),
+                false => 0.0,
             },
+            innovation,
+            ratio: f64::from(self.rot.factor()),
         }
     }
 

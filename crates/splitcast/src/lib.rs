@@ -64,5 +64,5 @@ pub use sequence::{BuildReport, BuildStage, SequenceBuilder, SplitRecord};
 pub use simd::{SimdError, SimdLevel, force_simd};
 pub use stats::TreeStats;
 pub use tracker::{Share, Tracker, Update, UpdateReport};
-pub use traverse::{TraversalCounts, reference};
+pub use traverse::{RayPacket, TraversalCounts, reference};
 pub use validate::Violation;

@@ -192,9 +192,13 @@ impl Rot {
         }
     }
 
-    /// By what factor the tree is taken to be worse than a new one.
+    /// By what factor the tree is taken to be worse than a new one; 1 if nothing is known of it.
     fn factor(&self) -> f32 {
-        self.wear.powf(self.power)
+        if self.wear.is_finite() {
+            self.wear.powf(self.power)
+        } else {
+            1.0
+        }
     }
 
     fn calls_for_building(&self) -> bool {
@@ -430,7 +434,9 @@ impl<'m> Frame<'m> {
         touched: &Touched,
         changes: &mut Changes,
     ) -> bool {
-        let mut conditions = survey(storage, &tree.clusters, &tree.hierarchy, touched);
+        // What was put off is still to be done where nothing moves any more.
+        let looked_at = if tree.late { &Touched::All } else { touched };
+        let mut conditions = survey(storage, &tree.clusters, &tree.hierarchy, looked_at);
         // The worst come first, in case there is no time for all.
         let per_block = |condition: &Condition| {
             let excess = condition.all.now - condition.all.expected;

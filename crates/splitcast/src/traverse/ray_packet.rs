@@ -1,5 +1,6 @@
 //! Packets of a fixed number of rays.
 
+use super::packet::are_alike;
 use crate::{Hit, KdTree, Ray};
 
 /// 4, 8 or 16 rays that are traced together, some of which may be inactive: those neither
@@ -57,11 +58,23 @@ impl<const N: usize> RayPacket<N> {
         &self.active
     }
 
-    /// The rays as they are traced: inactive ones have an empty range.
-    fn effective(&self) -> [Ray; N] {
-        std::array::from_fn(|lane| match self.active[lane] {
-            true => self.rays[lane],
-            false => self.rays[lane].with_range(f32::INFINITY, f32::NEG_INFINITY),
+    /// The active rays, in front, and their number.
+    fn gathered(&self) -> ([Ray; N], usize) {
+        let mut rays = self.rays;
+        let mut count = 0;
+        for (ray, _) in self.rays.iter().zip(self.active).filter(|(_, on)| *on) {
+            rays[count] = *ray;
+            count += 1;
+        }
+        (rays, count)
+    }
+
+    /// Gives answers to active rays back to their lanes.
+    fn scattered<T: Copy>(&self, answers: [T; N], nothing: T) -> [T; N] {
+        let mut answers = answers.into_iter();
+        self.active.map(|active| match active {
+            true => answers.next().unwrap_or(nothing),
+            false => nothing,
         })
     }
 }
@@ -70,16 +83,32 @@ impl KdTree<'_> {
     /// The nearest hit of each active ray of a packet, as [`KdTree::closest_hit`] finds it; `None` for the
     /// others.
     pub fn closest_hit_packet<const N: usize>(&self, packet: &RayPacket<N>) -> [Option<Hit>; N] {
+        let (rays, count) = packet.gathered();
+        let rays = &rays[..count];
         let mut hits = [None; N];
-        self.closest_hits(&packet.effective(), &mut hits);
-        hits
+        if are_alike(self, rays) {
+            self.closest_hits(rays, &mut hits[..count]);
+        } else {
+            for (ray, hit) in rays.iter().zip(&mut hits) {
+                *hit = self.closest_hit(ray);
+            }
+        }
+        packet.scattered(hits, None)
     }
 
     /// Whether each active ray of a packet hits anything, as [`KdTree::occluded`] tells; `false` for the
     /// others.
     pub fn occluded_packet<const N: usize>(&self, packet: &RayPacket<N>) -> [bool; N] {
+        let (rays, count) = packet.gathered();
+        let rays = &rays[..count];
         let mut occluded = [false; N];
-        self.occluded_rays(&packet.effective(), &mut occluded);
-        occluded
+        if are_alike(self, rays) {
+            self.occluded_rays(rays, &mut occluded[..count]);
+        } else {
+            for (ray, occluded) in rays.iter().zip(&mut occluded) {
+                *occluded = self.occluded(ray);
+            }
+        }
+        packet.scattered(occluded, false)
     }
 }

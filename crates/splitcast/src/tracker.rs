@@ -61,12 +61,11 @@ pub struct UpdateReport {
     pub late: usize,
     /// Expected cost of a ray ([`TreeStats::traced_cost`](crate::TreeStats::traced_cost)).
     pub sah_cost: f64,
-    /// The cost over what it was expected to be: what triangles with their present areas
-    /// would cost if they were as close to each other as when they were last
-    /// sorted. An estimate of how much worse the tree is than a new one.
+    /// By what factor the tree is taken to be worse than a new one, predicted from how far blocks
+    /// and leaves have grown, and what that meant when all was last built anew; 1 if nothing is
+    /// known. Above 1.1 all is built anew.
     pub sah_ratio: f64,
-    /// How much the mesh differs from what was predicted of it, on each level of the tree. Where nodes
-    /// would have grown by more than 1.03, or blocks by more than 1.05, those are done anew that have.
+    /// How much the mesh differs from what was predicted of it, on each level of the tree.
     pub innovation: Innovation,
     /// Memory that the tracker holds from this update to the next, without the
     /// tree, which it shares, in bytes.

@@ -33,14 +33,14 @@ const MOST_OF_THE_VERTICES: f64 = 0.6;
 
 /// Regions that have grown by this factor since their blocks were formed have come apart, and are formed
 /// anew.
-const APART: f32 = 1.5;
+const APART: f32 = 2.0;
 
 /// If more than this share of the blocks is to be formed anew, all is built anew.
 const LARGEST_CHANGE: f64 = 0.7;
 
 /// When leaves together have grown by this factor, set against their blocks, the blocks of those that have
 /// grown by more than all together are sorted into new ones.
-const LARGEST_DRIFT: f32 = 1.05;
+const LARGEST_DRIFT: f32 = 1.12;
 
 /// When inner nodes together have grown by this factor, set against the leaves, these are sorted into a new
 /// hierarchy.

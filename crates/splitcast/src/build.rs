@@ -16,6 +16,7 @@ mod line_search;
 mod object_split;
 mod plane_search;
 mod references;
+mod regions;
 mod running;
 mod search;
 mod straddlers;
@@ -37,6 +38,7 @@ pub(crate) use running::{History, NodeRecord};
 pub use running::{InitialState, Outcome, TrackingOptions};
 pub use search::{Orientation, ParseOrientationError, SearchOptions};
 pub(crate) use subtree::{NodeWriter, Subtree};
+pub use tracked::Innovation;
 pub(crate) use tracked::{Amount, Budget, Moved, TrackedTree, TrackedUpdate, update};
 
 /// The greatest depth that a tree may have.

@@ -52,7 +52,7 @@ mod wide;
 
 pub use aabb::Aabb;
 pub use build::{
-    BuildOptions, Builder, InitialState, MAX_DEPTH, NonFinite, Orientation, Outcome,
+    BuildOptions, Builder, InitialState, Innovation, MAX_DEPTH, NonFinite, Orientation, Outcome,
     ParseBuilderError, ParseOrientationError, Preset, SearchOptions, TrackingOptions,
 };
 pub use error::{BuildError, MeshError, OptionsError};
@@ -64,5 +64,5 @@ pub use sequence::{BuildReport, BuildStage, SequenceBuilder, SplitRecord};
 pub use simd::{SimdError, SimdLevel, force_simd};
 pub use stats::TreeStats;
 pub use tracker::{Share, Tracker, Update, UpdateReport};
-pub use traverse::{TraversalCounts, reference};
+pub use traverse::{RayPacket, TraversalCounts, reference};
 pub use validate::Violation;

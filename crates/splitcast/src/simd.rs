@@ -24,8 +24,6 @@ pub enum SimdLevel {
     Scalar,
     /// SSE2, part of every x86-64 machine.
     Sse,
-    /// SSE4.2 (x86-64-v2).
-    Sse42,
     /// AVX2 (x86-64-v3).
     Avx2,
     /// AVX-512 as on Ice Lake, Zen 4 and later.
@@ -39,7 +37,6 @@ impl SimdLevel {
     pub const ALL: &'static [Self] = &[
         Self::Scalar,
         Self::Sse,
-        Self::Sse42,
         Self::Avx2,
         Self::Avx512,
         Self::Neon,
@@ -50,7 +47,6 @@ impl SimdLevel {
         match self {
             Self::Scalar => "scalar",
             Self::Sse => "sse",
-            Self::Sse42 => "sse4.2",
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
             Self::Neon => "neon",
@@ -69,8 +65,6 @@ impl SimdLevel {
             Self::Scalar => Some(Level::fallback()),
             #[cfg(target_arch = "x86_64")]
             Self::Sse => best.as_sse2().map(Level::Sse2),
-            #[cfg(target_arch = "x86_64")]
-            Self::Sse42 => best.as_sse4_2().map(Level::Sse4_2),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => best.as_avx2().map(Level::Avx2),
             #[cfg(target_arch = "x86_64")]
@@ -164,7 +158,29 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
         .checked_sub(1)
         .and_then(|place| SimdLevel::ALL[place].level())
         .unwrap_or_else(Level::new);
-    fearless_simd::dispatch!(level, simd => kernel.run(simd))
+    // Every copy takes time to compile: machines with SSE4.2 and nothing better make do with SSE2.
+    match level {
+        Level::Fallback(simd) => compiled_for(simd, kernel),
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512(simd) => compiled_for(simd, kernel),
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2(simd) => compiled_for(simd, kernel),
+        #[cfg(target_arch = "x86_64")]
+        _ => compiled_for(level.as_sse2().expect("part of every such machine"), kernel),
+        #[cfg(target_arch = "aarch64")]
+        _ => compiled_for(level.as_neon().expect("part of every such machine"), kernel),
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        _ => compiled_for(fearless_simd::Fallback::new(), kernel),
+    }
+}
+
+/// `kernel`'s copy for one instruction set.
+#[inline(always)]
+fn compiled_for<S: Simd, K: Kernel>(simd: S, kernel: K) -> K::Output {
+    simd.vectorize(
+        #[inline(always)]
+        || kernel.run(simd),
+    )
 }
 
 /// The names of the levels that `filter` lets through, for error messages.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use crate::build::{self, Amount, Budget, Moved, TrackedTree, TrackedUpdate};
+use crate::build::{self, Amount, Budget, Innovation, Moved, TrackedTree, TrackedUpdate};
 use crate::{BuildError, BuildOptions, Builder, KdTree, Mesh, OptionsError};
 
 /// Keeps a tree over a deforming mesh: give it frame after frame.
@@ -61,17 +61,12 @@ pub struct UpdateReport {
     pub late: usize,
     /// Expected cost of a ray ([`TreeStats::traced_cost`](crate::TreeStats::traced_cost)).
     pub sah_cost: f64,
-    /// The cost over what it was expected to be: what triangles with their present areas
-    /// would cost if they were as close to each other as when they were last
-    /// sorted. An estimate of how much worse the tree is than a new one.
+    /// By what factor the tree is taken to be worse than a new one, predicted from how far blocks
+    /// and leaves have grown, and what that meant when all was last built anew; 1 if nothing is
+    /// known. Above 1.1 all is built anew.
     pub sah_ratio: f64,
-    /// The innovation in the hierarchy: by what factor nodes have grown, set against the
-    /// blocks of triangles in them, since these were sorted. Where it would be above 1.03, they
-    /// are.
-    pub drift: f32,
-    /// The innovation in the blocks: by what factor they have grown, set against their triangles,
-    /// since they were formed. Above 1.05 those are formed anew that have grown the most.
-    pub wear: f32,
+    /// How much the mesh differs from what was predicted of it, on each level of the tree.
+    pub innovation: Innovation,
     /// Memory that the tracker holds from this update to the next, without the
     /// tree, which it shares, in bytes.
     pub tracker_bytes: usize,
@@ -188,8 +183,7 @@ impl Tracker {
             late,
             sah_cost: quality.cost,
             sah_ratio: quality.ratio,
-            drift: quality.drift,
-            wear: quality.wear,
+            innovation: quality.innovation,
             tracker_bytes: size_of::<Self>() + self.last.as_ref().map_or(0, TrackedTree::bytes),
         };
         self.frames += 1;

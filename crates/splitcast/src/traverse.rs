@@ -4,6 +4,7 @@ mod completion;
 mod descend;
 mod lanes;
 mod packet;
+mod ray_packet;
 mod rays;
 pub mod reference;
 mod triangle;
@@ -13,6 +14,7 @@ use std::ops::ControlFlow;
 pub use descend::TraversalCounts;
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
+pub use ray_packet::RayPacket;
 
 use crate::simd::{Kernel, dispatch};
 use crate::wide::{Block, LANES};

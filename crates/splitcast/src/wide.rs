@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-pub(crate) use collapse::contents;
+pub(crate) use collapse::{Inner, collapse, contents};
 use leaf::LeafMemory;
 
 use crate::kd_tree::{Node, NodeKind};
@@ -141,6 +141,11 @@ impl Block {
         let others = self.triangles.windows(2).filter(|pair| pair[0] != pair[1]);
         std::iter::once(first).chain(others.map(|pair| pair[1]))
     }
+
+    /// The number of these.
+    pub(crate) fn size(&self) -> u8 {
+        self.distinct().count() as u8
+    }
 }
 
 /// What rays are traced through.
@@ -197,46 +202,19 @@ pub(crate) enum Cells {
 impl WideTree {
     /// Makes the wide form of a kd-tree, on all threads.
     pub(crate) fn new(mesh: Mesh<'_>, cells: Cells, nodes: &[Node], references: &[u32]) -> Self {
-        let leaves = leaves(nodes, cells);
-        let made: Vec<(Vec<WideNode>, Vec<Block>)> = groups(&leaves)
-            .par_iter()
-            .map_init(LeafMemory::default, |memory, group| {
-                leaf::group(mesh, &leaves[group.clone()], references, memory)
-            })
-            .collect();
-        // Half of the nodes are leaves, and a fifth as many new ones come above them.
-        let mut wide = Vec::with_capacity(leaves.len() + leaves.len() / 4 + 2);
-        let mut chunks = Vec::with_capacity(made.len());
-        for (leaves, mut blocks) in made {
-            let base = (chunks.len() * CHUNK) as u32;
-            wide.extend(leaves.iter().map(|leaf| {
-                let mut leaf = *leaf;
-                for lane in 0..LANES {
-                    if leaf.end[lane] > 0 {
-                        leaf.first[lane] += base;
-                        leaf.end[lane] += base;
-                    }
-                }
-                leaf
-            }));
-            while blocks.len() > CHUNK {
-                let rest = blocks.split_off(CHUNK);
-                chunks.push(Arc::new(blocks));
-                blocks = rest;
-            }
-            chunks.push(Arc::new(blocks));
-        }
-        Self::assemble(nodes, wide, Blocks { chunks })
+        let (leaves, blocks) = wide_leaves(mesh, cells, nodes, references);
+        let inner = collapse(nodes, &leaves);
+        Self::assemble(leaves, inner, blocks)
     }
 
-    /// Puts inner nodes above leaves, those of `nodes` in their order.
-    pub(crate) fn assemble(nodes: &[Node], leaves: Vec<WideNode>, blocks: Blocks) -> Self {
-        let mut wide = leaves;
-        let (root, origins) = collapse::collapse(nodes, &mut wide);
+    /// Puts inner nodes behind leaves.
+    pub(crate) fn assemble(leaves: Vec<WideNode>, inner: Inner, blocks: Blocks) -> Self {
+        let mut nodes = leaves;
+        nodes.extend(inner.nodes);
         Self {
-            nodes: wide,
-            root,
-            origins,
+            nodes,
+            root: inner.root,
+            origins: inner.origins,
             blocks,
         }
     }
@@ -282,6 +260,45 @@ impl WideTree {
             + self.origins.capacity() * size_of::<u32>()
             + self.blocks.bytes()
     }
+}
+
+/// The leaves of a kd-tree in wide form, in order, and their blocks.
+pub(crate) fn wide_leaves(
+    mesh: Mesh<'_>,
+    cells: Cells,
+    nodes: &[Node],
+    references: &[u32],
+) -> (Vec<WideNode>, Blocks) {
+    let leaves = leaves(nodes, cells);
+    let made: Vec<(Vec<WideNode>, Vec<Block>)> = groups(&leaves)
+        .par_iter()
+        .map_init(LeafMemory::default, |memory, group| {
+            leaf::group(mesh, &leaves[group.clone()], references, memory)
+        })
+        .collect();
+    // Half of the nodes are leaves, and a fifth as many new ones come above them.
+    let mut wide = Vec::with_capacity(leaves.len() + leaves.len() / 4 + 2);
+    let mut chunks = Vec::with_capacity(made.len());
+    for (leaves, mut blocks) in made {
+        let base = (chunks.len() * CHUNK) as u32;
+        wide.extend(leaves.iter().map(|leaf| {
+            let mut leaf = *leaf;
+            for lane in 0..LANES {
+                if leaf.end[lane] > 0 {
+                    leaf.first[lane] += base;
+                    leaf.end[lane] += base;
+                }
+            }
+            leaf
+        }));
+        while blocks.len() > CHUNK {
+            let rest = blocks.split_off(CHUNK);
+            chunks.push(Arc::new(blocks));
+            blocks = rest;
+        }
+        chunks.push(Arc::new(blocks));
+    }
+    (wide, Blocks { chunks })
 }
 
 /// A leaf of a kd-tree.

@@ -6,18 +6,20 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::hierarchy::blocks_of;
 use super::object_split;
+use super::regions::Region;
 use super::{Reference, Triangles};
 use crate::kd_tree::{Listing, Node, NodeKind, Storage};
 use crate::wide::refit::{refit_blocks, triangle_areas};
-use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree};
+use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree, collapse, wide_leaves};
 use crate::{Aabb, Mesh};
 
 /// Triangles of a leaf whose blocks fill a wide node.
 const FULL_LEAF: usize = LANES * LANES;
 
-/// Neighboring blocks whose boxes have grown by this factor, set against their triangles, have come apart.
-const APART: f32 = 1.2;
+/// One of so many blocks is looked at to tell what has become of all.
+const SAMPLE_STRIDE: usize = 64;
 
 /// What a tracker knows of its tree's blocks, each by its index.
 #[derive(Clone, Debug, Default)]
@@ -26,8 +28,11 @@ pub(super) struct Clusters {
     pub(super) boxes: Vec<Reference>,
     /// Half the areas of the boxes of each block's triangles, added up.
     areas: Vec<f32>,
-    /// The area of each box over these, when the block was formed.
-    spreads: Vec<f32>,
+    /// The area of each box, with the block's share of that of its leaf, over these, when the block was
+    /// formed; 0 if it never was.
+    formed: Vec<f32>,
+    /// Number of triangles of each block.
+    pub(super) sizes: Vec<u8>,
     /// Indices without a block.
     free: Vec<u32>,
     /// Each triangle's block; empty if nobody has asked since they changed.
@@ -56,6 +61,10 @@ pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
     for own in &mut clusters.boxes {
         *own = Reference::new([0.0; 3], [0.0; 3], own.triangle);
     }
+    clusters.sizes.fill(LANES as u8);
+    if let Some(last) = clusters.sizes.last_mut() {
+        *last = (all.len() - all.len().next_multiple_of(LANES).saturating_sub(LANES)) as u8;
+    }
     clusters.refit(triangles.mesh(), &mut blocks, None);
     (blocks, clusters)
 }
@@ -65,22 +74,27 @@ pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
     let (storage, mut clusters) = (formed(triangles), Clusters::default());
     let wide = &storage.wide;
     clusters.grow(wide.blocks.end());
+    let areas = clusters.areas.par_chunks_mut(CHUNK);
+    let sizes = clusters.sizes.par_chunks_mut(CHUNK);
+    let own = areas.zip(sizes);
+    (wide.blocks.chunks.par_iter().zip(own)).for_each(|(chunk, (areas, sizes))| {
+        triangle_areas(chunk, areas);
+        for (block, size) in chunk.iter().zip(sizes) {
+            *size = block.size();
+        }
+    });
     for leaf in &wide.nodes()[..wide.leaf_count()] {
+        let share = leaf_share(leaf);
         for lane in 0..LANES {
             for block in leaf.blocks(lane) {
-                let Aabb { min, max } = leaf.bounds_of(lane);
-                clusters.boxes[block] = Reference::new(min, max, block as u32);
+                let bounds = leaf.bounds_of(lane);
+                clusters.boxes[block] = Reference::new(bounds.min, bounds.max, block as u32);
+                clusters.formed[block] = spread(&bounds, share, clusters.areas[block]);
             }
         }
     }
     let unused = clusters.boxes.iter().filter(|own| own.is_empty());
     clusters.free = unused.map(|own| own.triangle).collect();
-    let areas = clusters.areas.par_chunks_mut(CHUNK);
-    (wide.blocks.chunks.par_iter().zip(areas))
-        .for_each(|(chunk, areas)| triangle_areas(chunk, areas));
-    for index in 0..clusters.boxes.len() {
-        clusters.spreads[index] = clusters.spread(index);
-    }
     (storage, clusters)
 }
 
@@ -89,33 +103,38 @@ fn formed(triangles: &Triangles<'_>) -> Storage {
     let mut references = triangles.references();
     let subtree = object_split::sort(&mut references, FULL_LEAF);
     let (nodes, members) = (subtree.nodes(), subtree.references());
-    let wide = WideTree::new(triangles.mesh(), Cells::Overlapping, nodes, members);
-    by_blocks(nodes, wide)
+    let (leaves, blocks) = wide_leaves(triangles.mesh(), Cells::Overlapping, nodes, members);
+    tree_of_blocks(nodes, leaves, blocks)
 }
 
-/// The tree of wide leaves with a block a lane.
-fn by_blocks(nodes: &[Node], wide: WideTree) -> Storage {
-    let mut members = Vec::with_capacity(wide.blocks.end());
-    let mut leaves = wide.nodes().iter();
+/// The tree of `nodes` above wide leaves with a block a lane.
+pub(super) fn tree_of_blocks(nodes: &[Node], leaves: Vec<WideNode>, blocks: Blocks) -> Storage {
+    let (inner, (nodes, members)) =
+        rayon::join(|| collapse(nodes, &leaves), || listed(nodes, &leaves));
+    Storage {
+        nodes,
+        members,
+        listing: Listing::Blocks(Default::default()),
+        wide: WideTree::assemble(leaves, inner, blocks),
+    }
+}
+
+/// Nodes whose leaves list the blocks in wide leaves, and these blocks.
+fn listed(nodes: &[Node], leaves: &[WideNode]) -> (Vec<Node>, Vec<u32>) {
+    let mut members = Vec::with_capacity(LANES * leaves.len());
+    let mut leaves = leaves.iter();
     let list = |node: &Node| match node.kind() {
         NodeKind::Inner { .. } => *node,
         NodeKind::Leaf { .. } => {
             let first = members.len();
             let leaf = leaves.next().expect("a wide leaf for each leaf");
-            members.extend(
-                (0..LANES)
-                    .flat_map(|lane| leaf.blocks(lane))
-                    .map(|b| b as u32),
-            );
+            let blocks = blocks_of(std::slice::from_ref(leaf));
+            members.extend(blocks.map(|block| block as u32));
             Node::leaf(first, members.len() - first)
         }
     };
-    Storage {
-        nodes: nodes.iter().map(list).collect(),
-        members,
-        listing: Listing::Blocks(Default::default()),
-        wide,
-    }
+    let nodes = nodes.iter().map(list).collect();
+    (nodes, members)
 }
 
 impl Clusters {
@@ -127,7 +146,8 @@ impl Clusters {
                 .push(Reference::new(none.min, none.max, index as u32));
         }
         self.areas.resize(self.boxes.len(), 0.0);
-        self.spreads.resize(self.boxes.len(), 0.0);
+        self.formed.resize(self.boxes.len(), 0.0);
+        self.sizes.resize(self.boxes.len(), 0);
     }
 
     /// Number of blocks.
@@ -168,45 +188,48 @@ impl Clusters {
         &self.homes
     }
 
-    /// Half the areas of the boxes around all blocks, and what they would be if these were as close as
-    /// when they were formed.
-    pub(super) fn areas(&self) -> (f32, f32) {
-        let (mut now, mut formed) = (0.0, 0.0);
-        for (index, own) in self.boxes.iter().enumerate() {
-            if !own.is_empty() {
-                now += own.bounds().half_area();
-                formed += self.spreads[index] * self.areas[index];
-            }
-        }
-        (now, formed)
+    /// What the area of a block and its share of that of its leaf should be: as it was when the block was
+    /// formed, set against those of its triangles. The block may just have been given up.
+    pub(super) fn expected(&self, index: usize) -> f32 {
+        self.formed[index] * self.areas[index]
     }
 
-    /// Of runs of neighboring blocks, those that have come apart.
-    pub(super) fn apart(&self, regions: &[&[u32]]) -> Vec<Vec<u32>> {
-        // Some may just have been given up.
-        let in_use = |block: &&u32| !self.boxes[**block as usize].is_empty();
-        let is_apart = |region: &&&[u32]| {
-            let (mut now, mut formed) = (0.0, 0.0);
-            for &block in region.iter().filter(in_use) {
-                let index = block as usize;
-                now += self.boxes[index].bounds().half_area();
-                formed += self.spreads[index] * self.areas[index];
-            }
-            now > APART * formed
+    /// That of all blocks.
+    pub(super) fn expected_of_all(&self) -> f32 {
+        let in_use = (0..self.boxes.len()).filter(|&index| self.is_in_use(index));
+        in_use.map(|index| self.expected(index)).sum()
+    }
+
+    /// Half the areas of all triangles' boxes, added up.
+    pub(super) fn triangle_area(&self) -> f32 {
+        let in_use = (0..self.boxes.len()).filter(|&index| self.is_in_use(index));
+        in_use.map(|index| self.areas[index]).sum()
+    }
+
+    /// Which share of a sample of the blocks will have come apart when they are brought up to date. With
+    /// fewer triangles than there were, none.
+    pub(super) fn share_apart(&self, mesh: Mesh<'_>, blocks: &Blocks) -> f64 {
+        let count = mesh.triangles().len() as u32;
+        let all = (0..self.boxes.len()).step_by(SAMPLE_STRIDE);
+        let all = all.filter_map(|index| Some((index, blocks.find(index)?)));
+        let sample = all.filter(|(index, block)| {
+            self.is_in_use(*index) && block.triangles.iter().all(|&triangle| triangle < count)
+        });
+        let (indices, mut sample): (Vec<usize>, Vec<Block>) =
+            sample.map(|(index, block)| (index, *block)).unzip();
+        let mut boxes: Vec<Reference> = indices.iter().map(|&index| self.boxes[index]).collect();
+        let mut areas = vec![0.0; sample.len()];
+        refit_blocks(mesh, &mut sample, &mut boxes, &mut areas, |_| true);
+        let is_apart = |place: &usize| {
+            boxes[*place].bounds().half_area() > self.formed[indices[*place]] * areas[*place]
         };
-        let found = regions.iter().filter(is_apart);
-        let found = found.map(|region| region.iter().filter(in_use).copied().collect());
-        found.collect()
+        let apart = (0..sample.len()).filter(is_apart).count();
+        apart as f64 / sample.len().max(1) as f64
     }
 
-    /// The area of a block's box over those of its triangles' boxes; 0 if these have none.
-    fn spread(&self, index: usize) -> f32 {
-        let own = &self.boxes[index];
-        let spread = own.bounds().half_area() / self.areas[index];
-        if own.is_empty() || !spread.is_finite() {
-            return 0.0;
-        }
-        spread
+    /// Whether there is a block of this index.
+    pub(super) fn is_in_use(&self, index: usize) -> bool {
+        !self.boxes[index].is_empty()
     }
 
     /// Takes the triangles from `count` on out of their blocks.
@@ -237,6 +260,7 @@ impl Clusters {
                     kept.push(triangle);
                 }
             }
+            self.sizes[index] = kept.len() as u8;
             kept.resize(LANES, *kept.last().unwrap_or(&stays));
             triangles.copy_from_slice(&kept);
         }
@@ -249,44 +273,47 @@ impl Clusters {
         self.put(blocks, formed);
     }
 
-    /// Forms the triangles of each of some runs of neighboring blocks into new ones, and gives the
+    /// Forms the triangles of each region's blocks into new ones, which take the place of those. Gives the
     /// number of triangles.
     pub(super) fn form_anew(
         &mut self,
         mesh: Mesh<'_>,
         blocks: &mut Blocks,
-        olds: &[Vec<u32>],
+        regions: &mut [Region],
     ) -> usize {
         self.homes.clear();
-        let batches: Vec<(usize, Vec<NewBlock>)> = olds
+        let batches: Vec<(usize, Vec<NewBlock>)> = regions
             .par_iter()
-            .map(|batch| {
-                let triangles = batch
-                    .iter()
-                    .flat_map(|&old| blocks.get(old as usize).distinct());
+            .map(|region| {
+                let old = region.blocks.iter();
+                let triangles = old.flat_map(|&old| blocks.get(old as usize).distinct());
                 let triangles: Vec<u32> = triangles.collect();
                 (triangles.len(), form_blocks(mesh, triangles))
             })
             .collect();
-        for &old in olds.iter().flatten().rev() {
+        for &old in regions.iter().rev().flat_map(|region| &region.blocks) {
             let none = Aabb::EMPTY;
             self.boxes[old as usize] = Reference::new(none.min, none.max, old);
             self.free.push(old);
         }
         let mut count = 0;
-        for (triangles, formed) in batches {
-            self.put(blocks, formed);
+        for (region, (triangles, formed)) in regions.iter_mut().zip(batches) {
+            region.sizes = leaf_sizes(&formed);
+            region.blocks = self.put(blocks, formed);
             count += triangles;
         }
         count
     }
 
-    /// Puts blocks where there is room.
-    fn put(&mut self, blocks: &mut Blocks, formed: Vec<NewBlock>) {
+    /// Puts blocks where there is room, and says where.
+    fn put(&mut self, blocks: &mut Blocks, formed: Vec<NewBlock>) -> Vec<u32> {
+        let mut places = Vec::with_capacity(formed.len());
         for NewBlock {
             block,
             bounds,
             area,
+            formed,
+            ..
         } in formed
         {
             let index = match self.free.pop() {
@@ -308,15 +335,19 @@ impl Clusters {
             let own = Reference::new(bounds.min, bounds.max, index as u32);
             self.boxes[index] = own;
             self.areas[index] = area;
-            self.spreads[index] = self.spread(index);
+            self.sizes[index] = block.size();
+            self.formed[index] = formed;
+            places.push(index as u32);
         }
+        places
     }
 
     /// Bytes allocated.
     pub(super) fn bytes(&self) -> usize {
         self.boxes.capacity() * size_of::<Reference>()
-            + (self.areas.capacity() + self.spreads.capacity()) * size_of::<f32>()
+            + (self.areas.capacity() + self.formed.capacity()) * size_of::<f32>()
             + (self.free.capacity() + self.homes.capacity()) * size_of::<u32>()
+            + self.sizes.capacity()
     }
 }
 
@@ -326,6 +357,29 @@ struct NewBlock {
     bounds: Aabb,
     /// Half the areas of the boxes of its triangles, added up.
     area: f32,
+    /// [`spread`]
+    formed: f32,
+    /// Whether it is the first of a leaf.
+    opens_leaf: bool,
+}
+
+/// Numbers of blocks of leaves, given all blocks in order.
+fn leaf_sizes(blocks: &[NewBlock]) -> Vec<u8> {
+    let leaves = blocks.chunk_by(|_, next| !next.opens_leaf);
+    leaves.map(|leaf| leaf.len() as u8).collect()
+}
+
+/// Half the area of a block's box, with its share of that of its leaf, over those of its triangles' boxes; 0 if
+/// these have none.
+fn spread(bounds: &Aabb, share: f32, triangles: f32) -> f32 {
+    let spread = (bounds.half_area() + share) / triangles;
+    if spread.is_finite() { spread } else { 0.0 }
+}
+
+/// Half the area of a leaf's box, over the number of its blocks.
+fn leaf_share(leaf: &WideNode) -> f32 {
+    let blocks = blocks_of(std::slice::from_ref(leaf)).count();
+    leaf.content().half_area() / blocks.max(1) as f32
 }
 
 /// Triangles in blocks of neighbors.
@@ -338,12 +392,18 @@ fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<NewBlock> {
         triangle_areas(chunk, &mut areas);
         let here = |leaf: &&&WideNode| leaf.blocks(0).start / CHUNK == index;
         while let Some(leaf) = leaves.next_if(|leaf| here(&leaf)) {
+            let share = leaf_share(leaf);
             for lane in 0..LANES {
                 let bounds = leaf.bounds_of(lane);
-                formed.extend(leaf.blocks(lane).map(|place| NewBlock {
-                    block: *wide.block(place),
-                    bounds,
-                    area: areas[place % CHUNK],
+                formed.extend(leaf.blocks(lane).map(|place| {
+                    let area = areas[place % CHUNK];
+                    NewBlock {
+                        block: *wide.block(place),
+                        bounds,
+                        area,
+                        formed: spread(&bounds, share, area),
+                        opens_leaf: lane == 0,
+                    }
                 }));
             }
         }

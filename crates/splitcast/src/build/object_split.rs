@@ -28,7 +28,7 @@ const SMALL: usize = 96;
 const SAMPLE: usize = 1024;
 
 /// Nodes of more members have their sides sorted at the same time.
-const PARALLEL: usize = 2048;
+const PARALLEL: usize = 512;
 
 /// Levels beyond those that halving needs, before it is resorted to.
 const SPARE_LEVELS: u32 = 24;

@@ -4,7 +4,6 @@
 //! parent. Parallel builders write disjoint subtrees on their own and join them
 //! in that same order, so that the result does not depend on the threads.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use crate::kd_tree::{KdTree, Listing, MAX_REFERENCES, Node, NodeKind, Storage};
@@ -106,6 +105,11 @@ impl Subtree {
         &self.nodes
     }
 
+    /// All nodes, depth first, for those who keep nothing else.
+    pub(crate) fn into_nodes(self) -> Vec<Node> {
+        self.nodes
+    }
+
     /// Makes the whole tree of this subtree.
     pub(crate) fn into_tree(
         self,
@@ -145,15 +149,4 @@ impl Subtree {
             wide,
         }
     }
-}
-
-/// Where the members of a subtree are.
-pub(super) fn members_of(nodes: &[Node]) -> Range<usize> {
-    let mut leaves = nodes.iter().filter_map(|node| match node.kind() {
-        NodeKind::Leaf { first, count } => Some(first..first + count),
-        NodeKind::Inner { .. } => None,
-    });
-    let first = leaves.next().unwrap_or_default();
-    let end = leaves.next_back().map_or(first.end, |last| last.end);
-    first.start..end
 }

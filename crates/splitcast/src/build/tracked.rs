@@ -1,13 +1,14 @@
 //! A frame's tree from that of the frame before.
 //!
 //! The tree is one of boxes around blocks of neighboring triangles ([`Clusters`]). What is carried over
-//! from frame to frame is who is next to whom: which triangles share a block, and
-//! which blocks a subtree ([`Hierarchy`]). It is predicted that what was close stays close. Where
-//! nothing has moved, all stays as it is. Where something has, blocks and boxes are brought up
-//! to date, which takes hardly longer than reading the triangles, and shows how good the
-//! prediction was: when nodes have grown compared with the blocks in them, the blocks
-//! are sorted into a new hierarchy, of an eighth as many members as there are triangles;
-//! where blocks have grown compared with their triangles, new ones are formed.
+//! from frame to frame is who is next to whom: which triangles share a block, which blocks
+//! a leaf, and which leaves a subtree ([`Hierarchy`]). It is predicted that what was close stays close.
+//! Where nothing has moved, all stays as it is. Where something has, blocks and boxes are brought up
+//! to date, which takes hardly longer than reading the triangles, and shows on each level how good
+//! the prediction was: by how much boxes have grown, compared with those in them. Where blocks
+//! have, their triangles are formed into new ones; where leaves have, their blocks are sorted into
+//! new ones; and when the nodes above have, the leaves are sorted into a new hierarchy, of a
+//! fiftieth as many members as there are triangles.
 //!
 //! Boxes are always around all that is in them, so no hit depends on what is kept. Everything but a
 //! budget gives the same tree with any number of threads.
@@ -18,29 +19,43 @@ use std::time::{Duration, Instant};
 
 use super::changes::MeshHashes;
 use super::clusters::{self, Clusters};
-use super::hierarchy::{self, Hierarchy, Touched};
-use super::subtree::members_of;
+
+use super::hierarchy::{self, Hierarchy, Touched, triangles};
+use super::regions::{Condition, Growth, Region, survey};
 use super::{BuildOptions, Triangles};
-use crate::kd_tree::{Listing, Node, NodeKind, Storage};
-use crate::wide::LANES;
+use crate::kd_tree::{Listing, Storage};
+use crate::wide::{LANES, WideTree};
 use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 
 /// If more than this share of the vertices may have moved, or of a sample of them, it is not looked into
 /// which triangles have.
 const MOST_OF_THE_VERTICES: f64 = 0.6;
 
-/// A hierarchy whose nodes have grown by this factor, set against the blocks, is sorted anew.
-const LARGEST_DRIFT: f32 = 1.03;
+/// Regions that have grown by this factor since their blocks were formed have come apart, and are formed
+/// anew.
+const APART: f32 = 2.0;
 
-/// When all blocks' boxes together have grown by this factor, set against their triangles, those that have
-/// come apart are looked for.
-const LARGEST_WEAR: f32 = 1.05;
+/// If more than this share of the blocks is to be formed anew, all is built anew.
+const LARGEST_CHANGE: f64 = 0.7;
 
-/// Blocks of a subtree whose triangles are formed into new ones together, at most.
-const REGION: usize = 64;
+/// When leaves together have grown by this factor, set against their blocks, the blocks of those that have
+/// grown by more than all together are sorted into new ones.
+const LARGEST_DRIFT: f32 = 1.12;
 
-/// If more than this share of the blocks have come apart, all is built anew.
-const LARGEST_CHANGE: f64 = 0.4;
+/// When inner nodes together have grown by this factor, set against the leaves, these are sorted into a new
+/// hierarchy.
+const LARGEST_SHIFT: f32 = 1.03;
+
+/// A tree that is taken to be worse than a new one by this factor is built anew, but not within so many
+/// frames of the last time.
+const LARGEST_ROT: f32 = 1.1;
+const REST: u32 = 4;
+
+/// By which power of its wear a tree is taken to be worse, as long as nothing else is known.
+const POWER: f32 = 1.6;
+
+/// If more than this share of a sample of the blocks have come apart, it is not looked into which have.
+const MOST_OF_THE_BLOCKS: f64 = 0.4;
 
 /// Regions that each thread forms between two looks at the clock.
 const REGIONS_A_LOOK: usize = 4;
@@ -103,16 +118,37 @@ pub(crate) struct TrackedUpdate<'m> {
     pub(crate) quality: Quality,
 }
 
+/// By what factor boxes have grown, set against those in them, since it was predicted that they would
+/// not: since they were last sorted or formed. 1 is a perfect prediction, and less is better than it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation {
+    /// Blocks and leaves, set against their triangles, since blocks were formed. Infinite if there was no time to form any
+    /// ([`Tracker::update_within`](crate::Tracker::update_within)).
+    pub blocks: f32,
+    /// Leaves, set against their blocks.
+    pub leaves: f32,
+    /// Inner nodes, set against the leaves.
+    pub nodes: f32,
+}
+
+impl Default for Innovation {
+    /// All as predicted.
+    fn default() -> Self {
+        Self {
+            blocks: 1.0,
+            leaves: 1.0,
+            nodes: 1.0,
+        }
+    }
+}
+
 /// How good a tree is.
 #[derive(Clone, Copy)]
 pub(crate) struct Quality {
     /// Expected cost of a ray.
     pub(crate) cost: f64,
-    /// By how much nodes have grown, set against the blocks, since these were sorted.
-    pub(crate) drift: f32,
-    /// By how much blocks have grown, set against their triangles, since they were formed.
-    pub(crate) wear: f32,
-    /// The cost over what it would be without either.
+    pub(crate) innovation: Innovation,
+    /// How much worse it is taken to be than a new one.
     pub(crate) ratio: f64,
 }
 
@@ -126,8 +162,57 @@ pub(crate) struct TrackedTree {
     hashes: MeshHashes,
     clusters: Clusters,
     hierarchy: Hierarchy,
+    rot: Rot,
     /// Whether something was left undone for want of time.
     late: bool,
+}
+
+/// How much worse a tree is than a new one. Its wear tells, but not in which measure, which is predicted from
+/// what it was when the tree was last built anew.
+#[derive(Clone, Copy, Debug)]
+struct Rot {
+    /// By how much blocks and leaves have grown ([`Innovation::blocks`]).
+    wear: f32,
+    /// Expected cost of a ray over the triangles' areas.
+    effort: f32,
+    /// The power of the wear by which the tree is taken to be worse.
+    power: f32,
+    /// Frames since all was built.
+    frames: u32,
+}
+
+impl Rot {
+    /// A new tree's.
+    fn none(effort: f32) -> Self {
+        Self {
+            wear: 1.0,
+            effort,
+            power: POWER,
+            frames: 0,
+        }
+    }
+
+    /// By what factor the tree is taken to be worse than a new one; 1 if nothing is known of it.
+    fn factor(&self) -> f32 {
+        if self.wear.is_finite() {
+            self.wear.powf(self.power)
+        } else {
+            1.0
+        }
+    }
+
+    fn calls_for_building(&self) -> bool {
+        self.frames >= REST && self.factor() > LARGEST_ROT
+    }
+
+    /// What was predicted is followed by a new tree's effort, which shows what it should have been.
+    fn correct(&mut self, effort: f32) {
+        let power = (self.effort / effort).ln() / self.wear.ln();
+        if power.is_finite() {
+            // As much is learned as is forgotten.
+            self.power = 0.5 * self.power + 0.5 * power.clamp(0.2, 2.0 * POWER);
+        }
+    }
 }
 
 /// Which blocks may have moved.
@@ -160,7 +245,12 @@ pub(crate) fn update<'m>(
         }
         (None, _) => MeshHashes::of(mesh),
     };
-    let frame = Frame { triangles, budget };
+    let cost = options.cost;
+    let frame = Frame {
+        triangles,
+        budget,
+        cost,
+    };
     let (next, amounts, late) = match last {
         Some(last) => frame.follow(last, moved, hashes),
         None => frame.begin(hashes),
@@ -194,6 +284,7 @@ pub(super) fn build<'m>(triangles: &Triangles<'m>, options: &BuildOptions) -> Kd
 struct Frame<'m> {
     triangles: Triangles<'m>,
     budget: Budget,
+    cost: CostModel,
 }
 
 impl<'m> Frame<'m> {
@@ -215,12 +306,14 @@ impl<'m> Frame<'m> {
             nodes: storage.nodes.len(),
             references: count,
         };
+        let effort = hierarchy.costs(&storage.wide, &self.cost).sum() / clusters.triangle_area();
         let tree = TrackedTree {
             bounds: hierarchy.bounds(&storage.wide),
-            storage: Arc::new(storage),
             triangles: count,
             hashes,
             clusters,
+            rot: Rot::none(effort),
+            storage: Arc::new(storage),
             hierarchy,
             late,
         };
@@ -242,7 +335,7 @@ impl<'m> Frame<'m> {
         let count = self.triangles.len();
         let dirty = tree.dirty(mesh, moved, &hashes);
         tree.hashes = hashes;
-        let marks = match &dirty {
+        let marks = match dirty {
             Dirty::None if !tree.late => {
                 let amounts = Amounts {
                     kept: Amount {
@@ -254,84 +347,234 @@ impl<'m> Frame<'m> {
                 return (tree, amounts, 0);
             }
             Dirty::None => Some(vec![false; tree.clusters.boxes.len()]),
-            Dirty::Some(marks) => Some(marks.clone()),
+            Dirty::Some(marks) => Some(marks),
             Dirty::All => None,
         };
+        let marks = marks.as_deref();
+        let blocks = &tree.storage.wide.blocks;
+        let rotten = tree.rot.calls_for_building();
+        let is_torn = || tree.clusters.share_apart(mesh, blocks) > MOST_OF_THE_BLOCKS;
+        if self.allows_building() && (rotten || marks.is_none() && is_torn()) {
+            return self.begin_again(tree, rotten);
+        }
         // In place, if nobody has the last tree any more.
         let storage = std::mem::take(&mut tree.storage);
         let mut storage = Arc::try_unwrap(storage).unwrap_or_else(|shared| (*shared).clone());
+        let (touched, mut changes) = if self.refit_blocks(&mut tree, &mut storage, marks) {
+            storage = self.sort_all(&mut tree, storage);
+            (Touched::All, Changes::sorted(count))
+        } else {
+            let boxes = &tree.clusters.boxes;
+            let touched = tree.hierarchy.refit_leaves(&mut storage.wide, boxes, marks);
+            (touched, Changes::default())
+        };
+        if !self.choose(&mut tree, &mut storage, &touched, &mut changes) {
+            drop(storage);
+            return self.begin_again(tree, false);
+        }
+        let (storage, amounts) = self.arrange(&mut tree, storage, &touched, &mut changes);
+        let work = tree.hierarchy.costs(&storage.wide, &self.cost).sum();
+        tree.rot.effort = work / tree.clusters.triangle_area();
+        tree.rot.wear = tree.wear(&storage.wide);
+        tree.rot.frames += 1;
+        tree.bounds = tree.hierarchy.bounds(&storage.wide);
+        tree.storage = Arc::new(storage);
+        tree.late = changes.late > 0;
+        (tree, amounts, changes.late.min(count))
+    }
+
+    /// Whether there is time to build everything anew.
+    fn allows_building(&self) -> bool {
+        self.budget
+            .allows(FORMING * (self.triangles.len() / LANES) as u32)
+    }
+
+    /// [`Frame::begin`] when there was a tree, perhaps a rotten one.
+    fn begin_again(&self, mut tree: TrackedTree, rotten: bool) -> (TrackedTree, Amounts, usize) {
+        let hashes = std::mem::take(&mut tree.hashes);
+        let mut rot = tree.rot;
+        // Its memory serves again.
+        drop(tree);
+        let (mut tree, amounts, late) = self.begin(hashes);
+        if rotten {
+            rot.correct(tree.rot.effort);
+        }
+        tree.rot.power = rot.power;
+        (tree, amounts, late)
+    }
+
+    /// Brings blocks up to date with the mesh. Gives whether it has another number of triangles.
+    fn refit_blocks(
+        &self,
+        tree: &mut TrackedTree,
+        storage: &mut Storage,
+        marks: Option<&[bool]>,
+    ) -> bool {
+        let (mesh, count) = (self.triangles.mesh(), self.triangles.len());
         let blocks = &mut storage.wide.blocks;
-        let recount = count != tree.triangles;
         if count < tree.triangles {
             tree.clusters.truncate(blocks, count);
         }
-        tree.clusters.refit(mesh, blocks, marks.as_deref());
+        tree.clusters.refit(mesh, blocks, marks);
         if count > tree.triangles {
             let new = (tree.triangles as u32..count as u32).collect();
             tree.clusters.add(mesh, blocks, new);
         }
+        let recount = count != tree.triangles;
         tree.triangles = count;
-        let (mut formed, mut late) = (0, 0);
-        let (now, then) = tree.clusters.areas();
-        if now > LARGEST_WEAR * then {
-            let regions = regions(&storage.nodes, &storage.members);
-            let mut apart = tree.clusters.apart(&regions);
-            let total: usize = apart.iter().map(Vec::len).sum();
-            let share = total as f64 / tree.clusters.count().max(1) as f64;
-            if share > LARGEST_CHANGE && self.budget.allows(FORMING * (count / LANES) as u32) {
-                let hashes = std::mem::take(&mut tree.hashes);
-                // Their memory serves again.
-                drop((tree, storage));
-                return self.begin(hashes);
-            }
-            let sorting = SORTING * tree.clusters.count() as u32;
-            let look = if self.budget.duration.is_some() {
-                REGIONS_A_LOOK * rayon::current_num_threads()
-            } else {
-                apart.len().max(1)
-            };
-            // The ones that were put off come first in the next frame.
-            let turn = apart.len() / 2 * usize::from(tree.late);
-            apart.rotate_left(turn);
-            for regions in apart.chunks(look) {
-                let own: usize = regions.iter().map(Vec::len).sum();
-                if self.budget.allows(FORMING * own as u32 + sorting) {
-                    formed += tree.clusters.form_anew(mesh, blocks, regions);
-                } else {
-                    late += own * LANES;
-                }
-            }
-        }
-        let mut touched = Touched::All;
-        let settled = !recount && formed == 0 && {
-            touched =
-                tree.hierarchy
-                    .refit(&mut storage.wide, &tree.clusters.boxes, marks.as_deref());
-            tree.hierarchy.drift(&storage.wide) <= LARGEST_DRIFT
+        recount
+    }
+
+    /// Chooses the regions that are to be done anew, and forms new blocks for those whose own have come
+    /// apart. False if they are so many that all should be built anew.
+    fn choose(
+        &self,
+        tree: &mut TrackedTree,
+        storage: &mut Storage,
+        touched: &Touched,
+        changes: &mut Changes,
+    ) -> bool {
+        // What was put off is still to be done where nothing moves any more.
+        let looked_at = if tree.late { &Touched::All } else { touched };
+        let mut conditions = survey(storage, &tree.clusters, &tree.hierarchy, looked_at);
+        // The worst come first, in case there is no time for all.
+        let per_block = |condition: &Condition| {
+            let excess = condition.all.now - condition.all.expected;
+            excess / condition.blocks.max(1) as f32
         };
-        let must = recount || formed > 0;
-        let sorting = SORTING * tree.clusters.count() as u32;
-        let mut amounts = Amounts::default();
-        if must || !settled && self.budget.allows(sorting) {
-            (storage, tree.hierarchy) = hierarchy::sort(&tree.clusters.boxes, storage.wide.blocks);
-            amounts.rebuilt.references = formed.min(count);
-            amounts.searched = Amount {
-                nodes: storage.nodes.len(),
-                references: count - amounts.rebuilt.references,
-            };
-        } else {
-            storage.listing = Listing::Blocks(Default::default());
-            amounts.moved = touched.amount(&storage);
-            amounts.kept = Amount {
-                nodes: storage.nodes.len() - amounts.moved.nodes,
-                references: count - amounts.moved.references,
-            };
-            late += usize::from(!settled);
+        conditions.sort_by(|a, b| per_block(b).total_cmp(&per_block(a)));
+        let blocks = tree.clusters.count();
+        let mut drift = Growth::default();
+        let (mut apart, mut others) = (Vec::new(), Vec::new());
+        let mut renewed = 0;
+        for condition in conditions {
+            drift.add(condition.nodes);
+            if condition.all.factor() > APART {
+                renewed += condition.blocks;
+                apart.push(condition);
+            } else {
+                others.push(condition);
+            }
         }
-        tree.bounds = tree.hierarchy.bounds(&storage.wide);
-        tree.storage = Arc::new(storage);
-        tree.late = late > 0;
-        (tree, amounts, late.min(count))
+        if renewed as f64 > LARGEST_CHANGE * blocks as f64 && self.allows_building() {
+            return false;
+        }
+        let sorting = SORTING * blocks as u32;
+        let look = match self.budget.duration {
+            Some(_) => REGIONS_A_LOOK * rayon::current_num_threads(),
+            None => apart.len().max(1),
+        };
+        for chosen in apart.chunks(look) {
+            let own: usize = chosen.iter().map(|condition| condition.blocks).sum();
+            if self.budget.allows(FORMING * own as u32 + sorting) {
+                let regions = chosen.iter();
+                let regions = regions.map(|one| Region::of(storage, one.leaves.clone()));
+                let mut regions: Vec<Region> = regions.collect();
+                let (mesh, blocks) = (self.triangles.mesh(), &mut storage.wide.blocks);
+                changes.formed += tree.clusters.form_anew(mesh, blocks, &mut regions);
+                changes.regions.extend(regions);
+            } else {
+                changes.late += own * LANES;
+            }
+        }
+        let drift = drift.factor();
+        if drift > LARGEST_DRIFT {
+            others.retain(|condition| condition.nodes.factor() > drift);
+            if !self.budget.allows(sorting) {
+                changes.late += usize::from(!others.is_empty());
+                return true;
+            }
+            for Condition { leaves, .. } in others {
+                changes.sorted += triangles(&storage.wide, leaves.clone(), &tree.clusters.sizes);
+                changes.regions.push(Region::of(storage, leaves));
+            }
+        }
+        true
+    }
+
+    /// Brings the nodes above the leaves up to date, with the regions that are to be done anew.
+    fn arrange(
+        &self,
+        tree: &mut TrackedTree,
+        mut storage: Storage,
+        touched: &Touched,
+        changes: &mut Changes,
+    ) -> (Storage, Amounts) {
+        let count = self.triangles.len();
+        let sorting = SORTING * tree.clusters.count() as u32;
+        let hierarchy = &mut tree.hierarchy;
+        let (boxes, sizes) = (&tree.clusters.boxes, &tree.clusters.sizes);
+        if changes.regions.is_empty() {
+            hierarchy.refit_inner(&mut storage.wide);
+            let settled = hierarchy.shift(&storage.wide) <= LARGEST_SHIFT;
+            if changes.all_sorted || settled || !self.budget.allows(sorting) {
+                storage.listing = Listing::Blocks(Default::default());
+                changes.late += usize::from(!settled);
+                let amounts = match changes.all_sorted {
+                    true => changes.amounts(storage.nodes.len(), count),
+                    false => touched.nodes(&storage, sizes, count),
+                };
+                return (storage, amounts);
+            }
+        }
+        let stays = count.saturating_sub(changes.sorted + changes.formed);
+        let mut amounts = touched.leaves(&storage.wide, &changes.regions, sizes, stays);
+        storage = hierarchy.sort_leaves(storage, boxes, &changes.regions);
+        if changes.all_sorted {
+            let amounts = changes.amounts(storage.nodes.len(), count);
+            return (storage, amounts);
+        }
+        amounts.rebuilt.references = changes.formed;
+        amounts.searched = Amount {
+            nodes: storage.nodes.len() - amounts.kept.nodes - amounts.moved.nodes,
+            references: changes.sorted,
+        };
+        (storage, amounts)
+    }
+
+    /// Sorts all blocks into a new hierarchy.
+    fn sort_all(&self, tree: &mut TrackedTree, storage: Storage) -> Storage {
+        let (storage, hierarchy) = hierarchy::sort(&tree.clusters.boxes, storage.wide.blocks);
+        tree.hierarchy = hierarchy;
+        storage
+    }
+}
+
+/// What is to change in a tree beyond its boxes.
+#[derive(Default)]
+struct Changes {
+    /// Leaves that are to be made anew.
+    regions: Vec<Region>,
+    /// Triangles that are in new blocks.
+    formed: usize,
+    /// Triangles whose blocks are sorted into new leaves.
+    sorted: usize,
+    /// Whether all are.
+    all_sorted: bool,
+    /// How many there was no time for.
+    late: usize,
+}
+
+impl Changes {
+    /// After all blocks were sorted.
+    fn sorted(count: usize) -> Self {
+        Self {
+            sorted: count,
+            all_sorted: true,
+            ..Self::default()
+        }
+    }
+
+    /// What becomes of a tree whose blocks were all sorted, given its nodes and triangles.
+    fn amounts(&self, nodes: usize, count: usize) -> Amounts {
+        let formed = self.formed.min(count);
+        let mut amounts = Amounts::default();
+        amounts.rebuilt.references = formed;
+        amounts.searched = Amount {
+            nodes,
+            references: count - formed,
+        };
+        amounts
     }
 }
 
@@ -379,21 +622,31 @@ impl TrackedTree {
         }
     }
 
+    /// By how much blocks and leaves have grown since blocks were formed.
+    fn wear(&self, wide: &WideTree) -> f32 {
+        let below = Growth {
+            now: self.hierarchy.area_below(wide),
+            expected: self.clusters.expected_of_all(),
+        };
+        below.factor()
+    }
+
     fn quality(&self, cost: &CostModel) -> Quality {
-        let (now, then) = self.clusters.areas();
-        let wear = if then > 0.0 { now / then } else { 1.0 };
-        let drift = self.hierarchy.drift(&self.storage.wide);
-        let (nodes, blocks) = self.hierarchy.costs(&self.storage.wide, cost);
-        let undrifted = nodes / f64::from(drift) + blocks;
+        let wide = &self.storage.wide;
+        let innovation = Innovation {
+            blocks: self.rot.wear,
+            leaves: self.hierarchy.drift(),
+            nodes: self.hierarchy.shift(wide),
+        };
+        let costs = self.hierarchy.costs(wide, cost);
+        let area = self.bounds.half_area();
         Quality {
-            cost: nodes + blocks,
-            drift,
-            wear,
-            ratio: if undrifted > 0.0 {
-                (nodes + blocks) / undrifted * f64::from(wear)
-            } else {
-                1.0
+            cost: match area > 0.0 {
+                true => f64::from(costs.sum() / area),
+                false => 0.0,
             },
+            innovation,
+            ratio: f64::from(self.rot.factor()),
         }
     }
 
@@ -401,21 +654,4 @@ impl TrackedTree {
     pub(crate) fn bytes(&self) -> usize {
         self.clusters.bytes() + self.hashes.bytes() + self.hierarchy.bytes()
     }
-}
-
-/// The members of the largest subtrees of no more than [`REGION`], in order.
-fn regions<'m>(nodes: &[Node], members: &'m [u32]) -> Vec<&'m [u32]> {
-    let mut found = Vec::new();
-    let mut waiting = vec![(0, nodes.len())];
-    while let Some((root, end)) = waiting.pop() {
-        let range = members_of(&nodes[root..end]);
-        match nodes[root].kind() {
-            NodeKind::Inner { right, .. } if range.len() > REGION => {
-                waiting.push((right, end));
-                waiting.push((root + 1, right));
-            }
-            _ => found.push(&members[range]),
-        }
-    }
-    found
 }

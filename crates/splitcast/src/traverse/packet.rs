@@ -622,6 +622,17 @@ fn transposed<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
     ]
 }
 
+/// Whether rays are alike enough for [`Packet::trace`], which costs less to ask here than there.
+pub(super) fn are_alike(tree: &KdTree<'_>, rays: &[Ray]) -> bool {
+    let mut intervals = Intervals::NONE;
+    for ray in rays.iter().filter(|ray| ShearedRay::new(ray).is_some()) {
+        intervals.origins.grow(ray.origin);
+        intervals.directions.grow(ray.direction);
+        intervals.t_min = lower(intervals.t_min, ray.t_min);
+    }
+    intervals.are_narrow(&tree.bounds())
+}
+
 impl Intervals {
     /// The ranges of no rays.
     const NONE: Self = Self {

@@ -13,37 +13,49 @@ struct Place {
     leaf: u32,
 }
 
-/// Adds inner nodes to the `wide` leaves of a kd-tree. Gives the root, and the nodes of the kd-tree
-/// that the inner ones stand for.
-pub(super) fn collapse(nodes: &[Node], wide: &mut Vec<WideNode>) -> (u32, Vec<u32>) {
-    let places = places(nodes, wide);
+/// The nodes above the leaves of a kd-tree in wide form.
+pub(crate) struct Inner {
+    /// Indices count from the leaves on.
+    pub(super) nodes: Vec<WideNode>,
+    pub(super) root: u32,
+    /// The nodes of the kd-tree that these stand for.
+    pub(super) origins: Vec<u32>,
+}
+
+/// The inner nodes above the wide `leaves` of a kd-tree.
+pub(crate) fn collapse(nodes: &[Node], leaves: &[WideNode]) -> Inner {
+    let places = places(nodes, leaves);
+    let mut inner = Inner {
+        nodes: Vec::new(),
+        root: 0,
+        origins: Vec::new(),
+    };
     if let NodeKind::Leaf { .. } = nodes[0].kind() {
-        return (0, Vec::new());
+        return inner;
     }
-    let root = wide.len() as u32;
-    let mut waiting = vec![0];
-    wide.push(WideNode::EMPTY);
+    inner.root = leaves.len() as u32;
+    inner.nodes.push(WideNode::EMPTY);
+    inner.origins.push(0);
     let mut next = 0;
-    while next < waiting.len() {
-        let (children, count) = children(nodes, &places, waiting[next]);
-        let index = root as usize + next;
-        next += 1;
+    while next < inner.origins.len() {
+        let (children, count) = children(nodes, &places, inner.origins[next]);
         for (lane, &child) in children[..count].iter().enumerate() {
             let place = &places[child as usize];
             let first = match nodes[child as usize].kind() {
                 NodeKind::Leaf { .. } => place.leaf,
                 NodeKind::Inner { .. } => {
-                    waiting.push(child);
-                    wide.push(WideNode::EMPTY);
-                    wide.len() as u32 - 1
+                    inner.origins.push(child);
+                    inner.nodes.push(WideNode::EMPTY);
+                    inner.root + inner.nodes.len() as u32 - 1
                 }
             };
-            let node = &mut wide[index];
+            let node = &mut inner.nodes[next];
             node.set_bounds(lane, &place.content);
             node.first[lane] = first;
         }
+        next += 1;
     }
-    (root, waiting)
+    inner
 }
 
 /// The box around what rays can hit below every node of a kd-tree.

@@ -12,11 +12,35 @@ use crate::simd::{Kernel, dispatch};
 /// What the boxes below a node come to: sums of half areas.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
-    /// Of nodes.
-    pub(crate) nodes: f32,
+    /// Of inner nodes.
+    pub(crate) inner: f32,
+    /// Of leaves.
+    pub(crate) leaves: f32,
     /// Of blocks.
     pub(crate) blocks: f32,
 }
+
+impl Tally {
+    /// Adds another.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.inner += other.inner;
+        self.leaves += other.leaves;
+        self.blocks += other.blocks;
+    }
+
+    /// The areas of leaves over those of their blocks; 0 if these have none.
+    pub(crate) fn spread(&self) -> f32 {
+        if self.blocks > 0.0 {
+            self.leaves / self.blocks
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Blocks whose triangles' indices are read together: memory answers all of them at once.
+const BATCH: usize = 16;
 
 /// Computes blocks, the boxes around them, and half the areas of the boxes of each one's triangles, added
 /// up, anew from where their triangles are; `wanted` says which, by their places. Boxes that
@@ -58,27 +82,54 @@ impl<F: Fn(usize) -> bool> Kernel for Blocks<'_, F> {
             areas,
             wanted,
         } = self;
-        let all = blocks.iter_mut().zip(boxes).zip(areas);
-        for (place, ((block, own), area)) in all.enumerate() {
-            if own.is_empty() || !wanted(place) {
-                continue;
+        let mut corners = [[[0; 3]; LANES]; BATCH];
+        for first in (0..blocks.len()).step_by(BATCH) {
+            let places = first..blocks.len().min(first + BATCH);
+            for place in places.clone() {
+                if !boxes[place].is_empty() && wanted(place) {
+                    let own = &mut corners[place - first];
+                    for lane in 0..LANES {
+                        own[lane] = mesh.triangles()[blocks[place].triangles[lane] as usize];
+                    }
+                }
             }
-            let mut corners = [[[0.0; 4]; 3]; LANES];
-            let mut min = f32x4::splat(simd, f32::INFINITY);
-            let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
-            for lane in 0..LANES {
-                let [a, b, c] = mesh.corners(block.triangles[lane]);
-                let (a, b, c) = (lanes(simd, &a), lanes(simd, &b), lanes(simd, &c));
-                min = min.min(a).min(b.min(c));
-                max = max.max(a).max(b.max(c));
-                corners[lane] = [a.into(), b.into(), c.into()];
+            for place in places {
+                if !boxes[place].is_empty() && wanted(place) {
+                    let own = &corners[place - first];
+                    areas[place] =
+                        refit_block(simd, mesh, own, &mut blocks[place], &mut boxes[place]);
+                }
             }
-            *block = Block::of_corners(simd, &corners, block.triangles);
-            *area = areas_of(simd, block);
-            let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (min.into(), max.into());
-            *own = Reference::new([a, b, c], [d, e, f], own.triangle);
         }
     }
+}
+
+/// Gives a block and the box around it new places, and finds half the areas of its triangles' boxes, added
+/// up. `corners` are the indices of the triangles' vertices.
+#[inline(always)]
+fn refit_block<S: Simd>(
+    simd: S,
+    mesh: Mesh<'_>,
+    corners: &[[u32; 3]; LANES],
+    block: &mut Block,
+    own: &mut Reference,
+) -> f32 {
+    let mut places = [[[0.0; 4]; 3]; LANES];
+    let mut min = f32x4::splat(simd, f32::INFINITY);
+    let mut max = f32x4::splat(simd, f32::NEG_INFINITY);
+    for lane in 0..LANES {
+        let [a, b, c] = corners[lane];
+        let a = lanes(simd, &mesh.positions()[a as usize]);
+        let b = lanes(simd, &mesh.positions()[b as usize]);
+        let c = lanes(simd, &mesh.positions()[c as usize]);
+        min = min.min(a).min(b.min(c));
+        max = max.max(a).max(b.max(c));
+        places[lane] = [a.into(), b.into(), c.into()];
+    }
+    *block = Block::of_corners(simd, &places, block.triangles);
+    let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (min.into(), max.into());
+    *own = Reference::new([a, b, c], [d, e, f], own.triangle);
+    areas_of(simd, block)
 }
 
 /// Half the areas of the boxes of each block's triangles, added up.
@@ -160,8 +211,11 @@ impl<F: Fn(usize) -> bool> Kernel for Leaves<'_, F> {
             let blocks = areas(simd, leaf, content, |leaf, lane| {
                 (!leaf.blocks(lane).is_empty()).then(|| &boxes[leaf.first[lane] as usize])
             });
-            let nodes = content.bounds().half_area();
-            *tally = Tally { nodes, blocks };
+            *tally = Tally {
+                inner: 0.0,
+                leaves: content.bounds().half_area(),
+                blocks,
+            };
         }
     }
 }
@@ -210,8 +264,7 @@ impl Kernel for Inner<'_> {
                 // An empty box stays empty: children with nothing in them are left out.
                 let child = node.first[lane] as usize;
                 (!node.bounds_of(lane).is_empty()).then(|| {
-                    sum.nodes += tallies[child].nodes;
-                    sum.blocks += tallies[child].blocks;
+                    sum.add(&tallies[child]);
                     if child < leaf_count {
                         &before[child]
                     } else {
@@ -219,7 +272,7 @@ impl Kernel for Inner<'_> {
                     }
                 })
             });
-            sum.nodes += own[0].bounds().half_area();
+            sum.inner += own[0].bounds().half_area();
             tallies[index] = sum;
         }
     }

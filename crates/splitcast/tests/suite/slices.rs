@@ -1,7 +1,7 @@
-//! Slices of rays: neighbors that take much the same way, that do not, and that are a mixture of
+//! Slices and packets of rays: neighbors that take much the same way, that do not, and that are a mixture of
 //! good and bad ones.
 
-use splitcast::{Hit, KdTree, Mesh, Ray, reference};
+use splitcast::{Hit, KdTree, Mesh, Ray, RayPacket, reference};
 
 use super::bits;
 use super::rays::{RaySource, between, invalid, towards};
@@ -60,6 +60,11 @@ pub(crate) fn check(all: &[Slices], tree: &KdTree<'_>, chosen: usize, what: &str
     for (kind, slices) in all.iter().enumerate() {
         let turn = chosen + kind;
         slices.check(tree, turn, SHORT[turn % SHORT.len()], what);
+        match turn % 3 {
+            0 => slices.check_packet::<4>(tree, turn, what),
+            1 => slices.check_packet::<8>(tree, turn, what),
+            _ => slices.check_packet::<16>(tree, turn, what),
+        }
     }
 }
 
@@ -90,6 +95,28 @@ impl Slices {
             name,
             hits: rays.iter().map(closest).collect(),
             rays,
+        }
+    }
+
+    /// Traces the first rays of a group as a packet, some of them inactive.
+    fn check_packet<const N: usize>(&self, tree: &KdTree<'_>, group: usize, what: &str) {
+        let places: [usize; N] = std::array::from_fn(|k| (group * GROUP + k) % self.rays.len());
+        let packet = RayPacket::new(places.map(|place| self.rays[place]));
+        // All, every other, all but every third, none.
+        let masks: [fn(usize) -> bool; 4] = [|_| true, |k| k % 2 == 0, |k| k % 3 > 0, |_| false];
+        let packet = packet.masked(std::array::from_fn(masks[group % masks.len()]));
+        let hits = tree.closest_hit_packet(&packet);
+        let occluded = tree.occluded_packet(&packet);
+        for (k, place) in places.into_iter().enumerate() {
+            let expected = self.hits[place].filter(|_| packet.active()[k]);
+            let ray = || format!("{k} of {packet:?} ({}) on {what}", self.name);
+            assert_eq!(
+                hits[k].map(bits),
+                expected.map(bits),
+                "closest hit of {}",
+                ray()
+            );
+            assert_eq!(occluded[k], expected.is_some(), "occlusion of {}", ray());
         }
     }
 

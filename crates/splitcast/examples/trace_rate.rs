@@ -19,8 +19,11 @@ const SIZE: usize = 512;
 /// Passes over all rays; the fastest is printed: it is the least disturbed.
 const PASSES: usize = 5;
 
-/// What is wrong with a ray.
-const FAULTS: [(&str, fn(Ray) -> Ray); 5] = [
+/// Makes a ray that hits nothing.
+type Spoil = fn(Ray) -> Ray;
+
+/// What may be wrong with a ray.
+const FAULTS: [(&str, Spoil); 5] = [
     ("NaN direction", |ray| Ray {
         direction: [f32::NAN, 0.0, 1.0],
         ..ray

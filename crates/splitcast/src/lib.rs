@@ -39,6 +39,7 @@ mod error;
 pub mod filter;
 mod kd_tree;
 mod mesh;
+mod prefetch;
 mod ray;
 mod sah;
 mod sequence;

@@ -3,12 +3,15 @@
 mod completion;
 mod descend;
 mod lanes;
+mod nearest;
 mod packet;
 mod ray_packet;
 mod rays;
 pub mod reference;
+mod stream;
 mod triangle;
 
+use std::marker::PhantomData;
 use std::ops::ControlFlow;
 
 pub use descend::TraversalCounts;
@@ -17,10 +20,11 @@ use fearless_simd::prelude::*;
 pub use ray_packet::RayPacket;
 
 use crate::simd::{Kernel, dispatch};
-use crate::wide::{Block, LANES};
+use crate::wide::{Block, Blocks, LANES};
 use crate::{Hit, KdTree, Mesh, Ray};
 use descend::{BlockVisitor, Slabs, descend};
 use lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
+use nearest::{AnyHits, ClosestHits, Nearest, Query};
 use triangle::{Crossing, ShearedRay, unit_normal};
 
 impl KdTree<'_> {
@@ -32,9 +36,8 @@ impl KdTree<'_> {
 
     /// [`KdTree::closest_hit`], and what it took.
     pub fn closest_hit_counted(&self, ray: &Ray) -> (Option<Hit>, TraversalCounts) {
-        let mut closest = Closest::new(ray);
-        let counts = self.trace(ray, &mut closest);
-        (closest.into_hit(self.mesh()), counts)
+        let (nearest, counts) = dispatch(Alone::<ClosestHits>::new(self, ray));
+        (nearest.into_hit(&self.wide().blocks, ray), counts)
     }
 
     /// The nearest of the hits that `accept` lets through, such as those on
@@ -53,9 +56,7 @@ impl KdTree<'_> {
     /// Whether anything is hit along the ray within its range. Cheaper than
     /// [`KdTree::closest_hit`]: the first hit found will do.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        let mut any = Any::new(ray);
-        self.trace(ray, &mut any);
-        any.found
+        dispatch(Alone::<AnyHits>::new(self, ray)).0.is_hit()
     }
 
     /// Whether any hit along the ray within its range is let through by `accept`, which is
@@ -112,36 +113,145 @@ impl<H: HitSink> Trace<'_, '_, H> {
     #[inline(always)]
     fn trace<S: Simd>(self, simd: S) -> TraversalCounts {
         let Self { tree, ray, sink } = self;
-        let bounds = tree.bounds();
-        let slabs = Slabs::new(ray, bounds.reach(ray.origin));
-        // The box first: many rays miss it, few are invalid.
-        if slabs.clip(&bounds, ray.t_min, ray.t_max).is_none() {
-            return TraversalCounts::default();
-        }
-        let Some(sheared) = ShearedRay::new(ray) else {
+        let Some(way) = Way::new(tree, ray) else {
             return TraversalCounts::default();
         };
-        let splat = |[x, y, z]: [f32; 3]| {
-            [
-                f32x8::splat(simd, x),
-                f32x8::splat(simd, y),
-                f32x8::splat(simd, z),
-            ]
-        };
-        let reach = length_bound(bounds.farthest(ray.origin));
         let mut tester = BlockTester {
             simd,
             mesh: tree.mesh(),
-            lanes: RayLanes {
-                origin: splat(ray.origin),
-                direction: splat(ray.direction),
-            },
-            errors: ErrorScale::new(length_bound(ray.direction), reach),
-            sheared,
+            lanes: RayLanes::of_ray(simd, ray),
+            errors: way.errors,
+            sheared: way.sheared,
             t_min: ray.t_min,
             sink,
         };
-        descend(simd, tree.wide(), &slabs, ray.t_min, &mut tester)
+        descend(
+            simd,
+            tree.wide(),
+            &way.slabs,
+            tree.wide().root(),
+            &mut tester,
+        )
+    }
+}
+
+/// What a descent needs of a ray.
+struct Way<'q> {
+    slabs: Slabs,
+    errors: ErrorScale,
+    sheared: ShearedRay<'q>,
+}
+
+impl<'q> Way<'q> {
+    /// `None` if the ray passes by the box around all, or cannot hit anything.
+    #[inline(always)]
+    fn new(tree: &KdTree<'_>, ray: &'q Ray) -> Option<Self> {
+        let bounds = tree.bounds();
+        let slabs = Slabs::new(ray, &bounds);
+        // The box first: many rays miss it, few are invalid.
+        if !slabs.may_meet(&bounds, ray.t_max) {
+            return None;
+        }
+        let sheared = ShearedRay::new(ray)?;
+        let reach = length_bound(bounds.farthest(ray.origin));
+        Some(Self {
+            slabs,
+            errors: ErrorScale::new(length_bound(ray.direction), reach),
+            sheared,
+        })
+    }
+}
+
+/// One ray's way to its nearest hit, or to any.
+struct Alone<'q, 'm, Q> {
+    tree: &'q KdTree<'m>,
+    ray: &'q Ray,
+    query: PhantomData<Q>,
+}
+
+impl<'q, 'm, Q: Query> Alone<'q, 'm, Q> {
+    #[inline(always)]
+    fn new(tree: &'q KdTree<'m>, ray: &'q Ray) -> Self {
+        Self {
+            tree,
+            ray,
+            query: PhantomData,
+        }
+    }
+}
+
+impl<Q: Query> Kernel for Alone<'_, '_, Q> {
+    type Output = (Nearest, TraversalCounts);
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let Self { tree, ray, .. } = self;
+        let nearest = Nearest::before(ray.t_max);
+        let Some(way) = Way::new(tree, ray) else {
+            return (nearest, TraversalCounts::default());
+        };
+        let mut tester =
+            NearestTester::<S, Q>::new(simd, &tree.wide().blocks, ray, way.errors, nearest);
+        let counts = descend(
+            simd,
+            tree.wide(),
+            &way.slabs,
+            tree.wide().root(),
+            &mut tester,
+        );
+        (tester.nearest, counts)
+    }
+}
+
+/// Keeps the nearest hit in the blocks that a descent visits.
+struct NearestTester<'q, S, Q> {
+    simd: S,
+    blocks: &'q Blocks,
+    ray: &'q Ray,
+    errors: ErrorScale,
+    nearest: Nearest,
+    query: PhantomData<Q>,
+}
+
+impl<'q, S: Simd, Q: Query> NearestTester<'q, S, Q> {
+    #[inline(always)]
+    fn new(
+        simd: S,
+        blocks: &'q Blocks,
+        ray: &'q Ray,
+        errors: ErrorScale,
+        nearest: Nearest,
+    ) -> Self {
+        Self {
+            simd,
+            blocks,
+            ray,
+            errors,
+            nearest,
+            query: PhantomData,
+        }
+    }
+}
+
+impl<S: Simd, Q: Query> BlockVisitor for NearestTester<'_, S, Q> {
+    const ANY: bool = Q::ANY;
+
+    #[inline(always)]
+    fn visit(&mut self, index: usize, block: &Block) -> ControlFlow<()> {
+        let simd = self.simd;
+        let triangles = TriangleLanes::of_block(simd, block);
+        let errors = self.errors.of(simd, &triangles);
+        let (blocks, ray) = (self.blocks, self.ray);
+        (self.nearest).test_block::<S, Q>(simd, blocks, ray, index, &triangles, &errors);
+        if Q::ANY && self.nearest.is_hit() {
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.nearest.high
     }
 }
 
@@ -187,8 +297,10 @@ struct BlockTester<'q, 'm, S: Simd, H> {
 }
 
 impl<S: Simd, H: HitSink> BlockVisitor for BlockTester<'_, '_, S, H> {
+    const ANY: bool = H::ANY;
+
     #[inline(always)]
-    fn visit(&mut self, block: &Block) -> ControlFlow<()> {
+    fn visit(&mut self, _: usize, block: &Block) -> ControlFlow<()> {
         let simd = self.simd;
         let triangles = TriangleLanes::of_block(simd, block);
         let errors = self.errors.of(simd, &triangles);
@@ -199,10 +311,6 @@ impl<S: Simd, H: HitSink> BlockVisitor for BlockTester<'_, '_, S, H> {
         let distance = passing.distance(simd, &errors);
         let t_min = f32x8::splat(simd, self.t_min);
         let t_max = f32x8::splat(simd, self.sink.t_max());
-        if H::ANY && distance.surely_within(t_min, t_max).any_true() {
-            let somewhere = Crossing::default();
-            return self.sink.take(somewhere, block.triangles[0]);
-        }
         let possible = distance.possible(t_min, t_max) & !passing.missed;
         let mut candidates = possible.to_bitmask() as u32;
         while candidates != 0 {
@@ -235,7 +343,7 @@ impl Closest {
 
     fn into_hit(self, mesh: Mesh<'_>) -> Option<Hit> {
         self.hit
-            .map(|(crossing, triangle)| complete(mesh, crossing, triangle))
+            .map(|(crossing, triangle)| of_mesh(mesh, crossing, triangle))
     }
 }
 
@@ -294,6 +402,8 @@ struct Accepted<'m, H, F> {
 }
 
 impl<H: HitSink, F: FnMut(&Hit) -> bool> HitSink for Accepted<'_, H, F> {
+    const ANY: bool = H::ANY;
+
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.sink.t_max()
@@ -301,7 +411,7 @@ impl<H: HitSink, F: FnMut(&Hit) -> bool> HitSink for Accepted<'_, H, F> {
 
     #[inline(always)]
     fn take(&mut self, crossing: Crossing, triangle: u32) -> ControlFlow<()> {
-        if (self.accept)(&complete(self.mesh, crossing, triangle)) {
+        if (self.accept)(&of_mesh(self.mesh, crossing, triangle)) {
             return self.sink.take(crossing, triangle);
         }
         ControlFlow::Continue(())
@@ -329,7 +439,7 @@ impl<'h> All<'h> {
             .sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         self.hits.dedup_by_key(|hit| hit.triangle);
         for hit in self.hits {
-            hit.normal = unit_normal(mesh, hit.triangle);
+            hit.normal = unit_normal(&mesh.corners(hit.triangle));
         }
     }
 }
@@ -353,12 +463,17 @@ impl HitSink for All<'_> {
     }
 }
 
-fn complete(mesh: Mesh<'_>, Crossing { t, u, v }: Crossing, triangle: u32) -> Hit {
+/// A hit of a triangle of the mesh.
+fn of_mesh(mesh: Mesh<'_>, crossing: Crossing, triangle: u32) -> Hit {
+    complete(crossing, triangle, unit_normal(&mesh.corners(triangle)))
+}
+
+fn complete(Crossing { t, u, v }: Crossing, triangle: u32, normal: [f32; 3]) -> Hit {
     Hit {
         t,
         u,
         v,
         triangle,
-        normal: unit_normal(mesh, triangle),
+        normal,
     }
 }

@@ -118,10 +118,8 @@ impl WideNode {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
-    /// The first corner, by axis.
-    pub(crate) corner: [[f32; LANES]; 3],
-    /// From there to the second and to the third corner, rounded.
-    pub(crate) edges: [[[f32; LANES]; 3]; 2],
+    /// The corners, each by axis.
+    pub(crate) corners: [[[f32; LANES]; 3]; 3],
     /// The triangles' indices in the mesh.
     pub(crate) triangles: [u32; LANES],
 }
@@ -129,8 +127,7 @@ pub(crate) struct Block {
 impl Block {
     /// A block that nobody has filled.
     pub(crate) const ZERO: Self = Self {
-        corner: [[0.0; LANES]; 3],
-        edges: [[[0.0; LANES]; 3]; 2],
+        corners: [[[0.0; LANES]; 3]; 3],
         triangles: [0; LANES],
     };
 
@@ -140,6 +137,16 @@ impl Block {
         let [first, ..] = self.triangles;
         let others = self.triangles.windows(2).filter(|pair| pair[0] != pair[1]);
         std::iter::once(first).chain(others.map(|pair| pair[1]))
+    }
+
+    /// The corners of the triangle in a lane.
+    #[inline(always)]
+    pub(crate) fn corners_of(&self, lane: usize) -> [[f32; 3]; 3] {
+        let corner = |k: usize| {
+            let [x, y, z] = &self.corners[k];
+            [x[lane % LANES], y[lane % LANES], z[lane % LANES]]
+        };
+        [corner(0), corner(1), corner(2)]
     }
 
     /// The number of these.
@@ -160,7 +167,7 @@ pub(crate) struct WideTree {
 }
 
 /// Blocks, in chunks that several trees may share. Indices have gaps, behind chunks that are not
-/// full.
+/// full. A triangle's place is its block's index times eight, and its lane.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blocks {
     pub(crate) chunks: Vec<Arc<Vec<Block>>>,
@@ -170,6 +177,13 @@ impl Blocks {
     #[inline(always)]
     pub(crate) fn get(&self, index: usize) -> &Block {
         &self.chunks[index >> CHUNK_BITS][index % CHUNK]
+    }
+
+    /// The block and the lane of a place.
+    #[inline(always)]
+    pub(crate) fn at(&self, place: u32) -> (&Block, usize) {
+        let place = place as usize;
+        (self.get(place / LANES), place % LANES)
     }
 
     /// The block of an index, if there is one.

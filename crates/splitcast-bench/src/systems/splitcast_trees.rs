@@ -6,8 +6,8 @@ use super::Catalog;
 use crate::rays::RaySetKind;
 use crate::system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
 
-/// Rays of a slice: what a caller would keep in the first cache.
-const SLICE: usize = 256;
+/// Rays of a slice: a chunk, whose hits fit in the second-level cache.
+const SLICE: usize = 4096;
 
 /// The mode in which rays are traced one by one.
 const SINGLY: usize = 1;

@@ -6,7 +6,8 @@ use fearless_simd::{f32x16, f64x8};
 
 use super::packet::GROUP;
 use super::triangle::{Crossing, TriangleInFrame, area_normal, unit};
-use crate::{Hit, Mesh};
+use crate::Hit;
+use crate::wide::Blocks;
 
 /// A point or a vector for each ray of a group.
 type Points<S> = [f32x16<S>; 3];
@@ -14,25 +15,28 @@ type Points<S> = [f32x16<S>; 3];
 /// The same in double precision, half of a group.
 type WidePoints<S> = [f64x8<S>; 3];
 
-/// What the lanes of `hit` hit: the triangles of the mesh whose numbers are given. The directions of
+/// What the lanes of `hit` hit: the triangles whose places are given. The directions of
 /// these lanes have their largest component on the last of `axes`. Gives the hits, and the set of
 /// those that have to be found one by one.
 #[inline(always)]
 pub(super) fn complete<S: Simd>(
     simd: S,
-    mesh: Mesh<'_>,
+    blocks: &Blocks,
     axes: [usize; 3],
     (origin, direction): (Points<S>, Points<S>),
-    triangles: &[u32; GROUP],
+    places: &[u32; GROUP],
     hit: u32,
     mut take: impl FnMut(usize, Hit),
 ) -> u32 {
     let mut corners = [[[0.0; GROUP]; 3]; 3];
+    let mut triangles = [0; GROUP];
     let mut rest = hit;
     while rest != 0 {
         let lane = rest.trailing_zeros() as usize % GROUP;
         rest &= rest - 1;
-        let own = mesh.corners(triangles[lane]);
+        let (block, place) = blocks.at(places[lane]);
+        let own = block.corners_of(place);
+        triangles[lane] = block.triangles[place];
         for corner in 0..3 {
             for axis in 0..3 {
                 corners[corner][axis][lane] = own[corner][axis];

@@ -25,6 +25,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, f32x16};
 
+use crate::Ray;
 use crate::aabb::upper;
 use crate::wide::{Block, LANES};
 
@@ -43,6 +44,26 @@ type Point<V> = [V; 3];
 pub(super) struct RayLanes<V> {
     pub(super) origin: Point<V>,
     pub(super) direction: Point<V>,
+}
+
+impl<S: Simd> RayLanes<f32x8<S>> {
+    /// One ray in all lanes.
+    #[inline(always)]
+    pub(super) fn of_ray(simd: S, ray: &Ray) -> Self {
+        let ([x, y, z], [u, v, w]) = (ray.origin, ray.direction);
+        Self {
+            origin: [
+                f32x8::splat(simd, x),
+                f32x8::splat(simd, y),
+                f32x8::splat(simd, z),
+            ],
+            direction: [
+                f32x8::splat(simd, u),
+                f32x8::splat(simd, v),
+                f32x8::splat(simd, w),
+            ],
+        }
+    }
 }
 
 /// Triangles, one a lane; or one triangle in all of them.
@@ -64,43 +85,57 @@ impl<S: Simd> TriangleLanes<f32x8<S>> {
                 f32x8::simd_from(simd, rows[2]),
             ]
         };
-        Self {
-            corner: point(&block.corner),
-            edges: [point(&block.edges[0]), point(&block.edges[1])],
-        }
+        let [a, b, c] = &block.corners;
+        Self::new(point(a), point(b), point(c))
     }
 }
 
 impl<S: Simd> TriangleLanes<f32x8<S>> {
-    /// Boxes around the triangles, in the rows of a node's bounds. Rounding makes them too small by
-    /// a part of a triangle's size at most.
+    /// Triangles with these corners.
     #[inline(always)]
-    pub(super) fn boxes(&self) -> [[f32; LANES]; 6] {
-        let mut rows = [[0.0; LANES]; 6];
-        for axis in 0..3 {
-            let corner = self.corner[axis];
-            let (b, c) = (corner + self.edges[0][axis], corner + self.edges[1][axis]);
-            rows[2 * axis] = corner.min(b).min(c).into();
-            rows[2 * axis + 1] = corner.max(b).max(c).into();
+    fn new(a: Point<f32x8<S>>, b: Point<f32x8<S>>, c: Point<f32x8<S>>) -> Self {
+        Self {
+            corner: a,
+            edges: [
+                [b[0] - a[0], b[1] - a[1], b[2] - a[2]],
+                [c[0] - a[0], c[1] - a[1], c[2] - a[2]],
+            ],
         }
-        rows
     }
+}
+
+/// Boxes around the triangles of a block, in the rows of a node's bounds.
+#[inline(always)]
+pub(super) fn boxes_of<S: Simd>(simd: S, block: &Block) -> [[f32; LANES]; 6] {
+    let mut rows = [[0.0; LANES]; 6];
+    for axis in 0..3 {
+        let a = f32x8::simd_from(simd, block.corners[0][axis]);
+        let b = f32x8::simd_from(simd, block.corners[1][axis]);
+        let c = f32x8::simd_from(simd, block.corners[2][axis]);
+        rows[2 * axis] = a.min(b).min(c).into();
+        rows[2 * axis + 1] = a.max(b).max(c).into();
+    }
+    rows
 }
 
 impl<S: Simd> TriangleLanes<f32x16<S>> {
     /// One triangle of a block in all lanes.
     #[inline(always)]
     pub(super) fn of_lane(simd: S, block: &Block, lane: usize) -> Self {
-        let point = |rows: &[[f32; LANES]; 3]| {
+        let point = |[x, y, z]: [f32; 3]| {
             [
-                f32x16::splat(simd, rows[0][lane % LANES]),
-                f32x16::splat(simd, rows[1][lane % LANES]),
-                f32x16::splat(simd, rows[2][lane % LANES]),
+                f32x16::splat(simd, x),
+                f32x16::splat(simd, y),
+                f32x16::splat(simd, z),
             ]
         };
+        let [a, b, c] = block.corners_of(lane);
         Self {
-            corner: point(&block.corner),
-            edges: [point(&block.edges[0]), point(&block.edges[1])],
+            corner: point(a),
+            edges: [
+                point([b[0] - a[0], b[1] - a[1], b[2] - a[2]]),
+                point([c[0] - a[0], c[1] - a[1], c[2] - a[2]]),
+            ],
         }
     }
 }

@@ -13,13 +13,16 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
 
-use super::descend::{SHORTEST, SLACK, SLOWEST, SlabLanes, Stack};
-use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
-use super::triangle::{Crossing, ShearedRay};
-use super::{complete, completion};
+use super::completion;
+use super::descend::{FARTHEST, ORDINARY, SLOWEST, SlabLanes, Stack, slack};
+use super::lanes::{
+    ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of, length_bound,
+};
+use super::nearest::{NONE, Nearest, Query};
+use super::triangle::ShearedRay;
 use crate::aabb::{lower, upper};
-use crate::wide::{Block, LANES, WideTree};
-use crate::{Aabb, Hit, KdTree, Mesh, Ray};
+use crate::wide::{Blocks, LANES, WideTree};
+use crate::{Aabb, Hit, KdTree, Ray};
 
 /// Rays of a group: one a lane.
 pub(super) const GROUP: usize = 16;
@@ -44,9 +47,6 @@ const FEW: u32 = 3;
 /// after the other.
 const SINGLY: u32 = 4;
 
-/// No triangle.
-const NONE: u32 = u32::MAX;
-
 /// One number for each ray of a group.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -69,10 +69,12 @@ struct Group {
     /// Below all in lanes whose ray looks for nothing (any more).
     low: Numbers,
     high: Numbers,
-    /// What is hit.
-    triangle: [u32; GROUP],
-    /// One over the direction, finite ([`Slabs`](super::descend::Slabs)).
+    /// The places of what is hit.
+    place: [u32; GROUP],
+    /// One over the direction, finite.
     inverse: [Numbers; 3],
+    /// The origin times that.
+    offset: [Numbers; 3],
 }
 
 /// The ranges of origins and directions of some rays.
@@ -84,26 +86,6 @@ struct Intervals {
     t_min: f32,
 }
 
-/// What is asked about the rays of a packet.
-pub(super) trait Query {
-    /// Whether it is enough to know that there is a hit.
-    const ANY: bool;
-}
-
-/// The nearest hits.
-pub(super) struct ClosestHits;
-
-impl Query for ClosestHits {
-    const ANY: bool = false;
-}
-
-/// Whether there are hits.
-pub(super) struct AnyHits;
-
-impl Query for AnyHits {
-    const ANY: bool = true;
-}
-
 /// How the groups of a packet meet boxes and triangles.
 struct Way<S: Simd> {
     slabs: [SlabLanes<S>; GROUPS],
@@ -113,19 +95,19 @@ struct Way<S: Simd> {
 }
 
 /// A packet under way.
-pub(super) struct Packet<'q, 'm> {
-    mesh: Mesh<'m>,
+pub(super) struct Packet<'q> {
+    blocks: &'q Blocks,
     rays: &'q [Ray],
     groups: [Group; GROUPS],
     /// By how much boxes are widened for these rays.
     slack: f32,
 }
 
-impl<'q, 'm> Packet<'q, 'm> {
+impl<'q> Packet<'q> {
     /// A packet without rays.
-    pub(super) fn new(mesh: Mesh<'m>) -> Self {
+    pub(super) fn new(tree: &'q KdTree<'_>) -> Self {
         Self {
-            mesh,
+            blocks: &tree.wide().blocks,
             rays: &[],
             groups: [Group::NOBODY; GROUPS],
             slack: 0.0,
@@ -192,7 +174,7 @@ impl<'q, 'm> Packet<'q, 'm> {
     /// Whether a ray hits anything.
     #[inline(always)]
     pub(super) fn is_hit(&self, ray: usize) -> bool {
-        self.groups[ray / GROUP].triangle[ray % GROUP] != NONE
+        self.groups[ray / GROUP].place[ray % GROUP] != NONE
     }
 
     /// Puts down what the rays of a group hit.
@@ -200,8 +182,8 @@ impl<'q, 'm> Packet<'q, 'm> {
     pub(super) fn complete<S: Simd>(&self, simd: S, group: usize, hits: &mut [Option<Hit>]) {
         let rays = &self.groups[group];
         hits.fill(None);
-        let triangles = u32x16::simd_from(simd, rays.triangle);
-        let mut open = triangles.simd_ne(NONE).to_bitmask() as u32;
+        let places = u32x16::simd_from(simd, rays.place);
+        let mut open = places.simd_ne(NONE).to_bitmask() as u32;
         if open == 0 {
             return;
         }
@@ -210,18 +192,17 @@ impl<'q, 'm> Packet<'q, 'm> {
             && let Some(axes) = rays.axes(simd, hit)
         {
             let lines = (points(simd, &rays.origin), points(simd, &rays.direction));
-            let triangles = &rays.triangle;
-            open =
-                completion::complete(simd, self.mesh, axes, lines, triangles, hit, |lane, hit| {
-                    hits[lane] = Some(hit);
-                });
+            let (blocks, places) = (self.blocks, &rays.place);
+            open = completion::complete(simd, blocks, axes, lines, places, hit, |lane, hit| {
+                hits[lane] = Some(hit);
+            });
         }
         while open != 0 {
             let lane = open.trailing_zeros() as usize % GROUP;
             open &= open - 1;
-            let triangle = rays.triangle[lane];
-            let crossing = exact(self.mesh, &self.rays[group * GROUP + lane], triangle);
-            hits[lane] = crossing.map(|crossing| complete(self.mesh, crossing, triangle));
+            hits[lane] = rays
+                .nearest(lane)
+                .into_hit(self.blocks, &self.rays[group * GROUP + lane]);
         }
     }
 
@@ -260,7 +241,7 @@ impl<'q, 'm> Packet<'q, 'm> {
                     for block in node.blocks(lane) {
                         let by = u32::from(by[lane]);
                         let place = (&node.bounds, lane);
-                        self.visit::<S, Q>(simd, wide.block(block), place, way, by);
+                        self.visit::<S, Q>(simd, block, place, way, by);
                     }
                 }
                 let [a, b, c, d] = way.t_max;
@@ -302,11 +283,12 @@ impl<'q, 'm> Packet<'q, 'm> {
     fn visit<S: Simd, Q: Query>(
         &mut self,
         simd: S,
-        block: &Block,
+        index: usize,
         (bounds, lane): (&[[f32; LANES]; 6], usize),
         way: &mut Way<S>,
         mut by: u32,
     ) {
+        let block = self.blocks.get(index);
         let triangles = TriangleLanes::of_block(simd, block);
         let errors = way.errors.of(simd, &triangles);
         while by != 0 {
@@ -317,20 +299,20 @@ impl<'q, 'm> Packet<'q, 'm> {
                 continue;
             }
             if rays.count_ones() > SINGLY {
-                let boxes = triangles.boxes();
+                let boxes = boxes_of(simd, block);
                 let rows = errors.rows();
                 let mut candidates = way.slabs[k].meet(simd, &boxes, way.t_max[k]).1;
                 while candidates != 0 {
                     let lane = candidates.trailing_zeros() as usize % LANES;
                     candidates &= candidates - 1;
                     let errors = ErrorLanes::of_row(simd, &rows, lane);
-                    self.test_group::<S, Q>(simd, k, block, lane, &errors);
+                    self.test_group::<S, Q>(simd, k, (index, lane), &errors);
                 }
             } else {
                 while rays != 0 {
                     let ray = rays.trailing_zeros() as usize % GROUP;
                     rays &= rays - 1;
-                    self.test_ray::<S, Q>(simd, k, ray, block, &triangles, &errors);
+                    self.test_ray::<S, Q>(simd, (k, ray), index, &triangles, &errors);
                 }
             }
             way.t_max[k] = self.groups[k].t_max(simd);
@@ -343,8 +325,7 @@ impl<'q, 'm> Packet<'q, 'm> {
         &mut self,
         simd: S,
         group: usize,
-        block: &Block,
-        lane: usize,
+        (index, lane): (usize, usize),
         errors: &ErrorLanes<f32x16<S>>,
     ) {
         let rays = &self.groups[group];
@@ -352,7 +333,7 @@ impl<'q, 'm> Packet<'q, 'm> {
             origin: points(simd, &rays.origin),
             direction: points(simd, &rays.direction),
         };
-        let corners = TriangleLanes::of_lane(simd, block, lane);
+        let corners = TriangleLanes::of_lane(simd, self.blocks.get(index), lane);
         let passing = Passing::new(&lanes, &corners, errors);
         if passing.missed.all_true() {
             return;
@@ -373,14 +354,16 @@ impl<'q, 'm> Packet<'q, 'm> {
         let sure = distance.surely_within(t_min, nearest).to_bitmask() as u32;
         let (lows, highs): ([f32; GROUP], [f32; GROUP]) =
             (distance.low.into(), distance.high.into());
-        let triangle = block.triangles[lane];
+        let place = (index * LANES + lane) as u32;
         while possible != 0 {
             let lane = possible.trailing_zeros() as usize % GROUP;
             possible &= possible - 1;
             if sure >> lane & 1 != 0 {
-                self.groups[group].found::<Q>(lane, triangle, lows[lane], highs[lane]);
+                let mut nearest = self.groups[group].nearest(lane);
+                nearest.found::<Q>(place, lows[lane], highs[lane]);
+                self.groups[group].set_nearest(lane, nearest);
             } else {
-                self.decide::<Q>(group, lane, triangle);
+                self.decide::<Q>(group, lane, place);
             }
         }
     }
@@ -390,70 +373,22 @@ impl<'q, 'm> Packet<'q, 'm> {
     fn test_ray<S: Simd, Q: Query>(
         &mut self,
         simd: S,
-        group: usize,
-        ray: usize,
-        block: &Block,
+        (group, lane): (usize, usize),
+        index: usize,
         triangles: &TriangleLanes<f32x8<S>>,
         errors: &ErrorLanes<f32x8<S>>,
     ) {
-        let rays = &self.groups[group];
-        let lanes = RayLanes {
-            origin: point(simd, &rays.origin, ray),
-            direction: point(simd, &rays.direction, ray),
-        };
-        let passing = Passing::new(&lanes, triangles, errors);
-        if passing.missed.all_true() {
-            return;
-        }
-        let distance = passing.distance(simd, errors);
-        let t_min = f32x8::splat(simd, rays.t_min.0[ray]);
-        let high = f32x8::splat(simd, rays.high.0[ray]);
-        let possible = distance.possible(t_min, high) & !passing.missed;
-        let mut possible = possible.to_bitmask() as u32;
-        if possible == 0 {
-            return;
-        }
-        let sure = distance.surely_within(t_min, high).to_bitmask() as u32;
-        let (lows, highs): ([f32; LANES], [f32; LANES]) =
-            (distance.low.into(), distance.high.into());
-        while possible != 0 {
-            let lane = possible.trailing_zeros() as usize % LANES;
-            possible &= possible - 1;
-            let triangle = block.triangles[lane];
-            // What was found in another lane may be nearer.
-            if sure >> lane & 1 != 0 && (Q::ANY || highs[lane] <= self.groups[group].low.0[ray]) {
-                self.groups[group].found::<Q>(ray, triangle, lows[lane], highs[lane]);
-                if Q::ANY {
-                    return;
-                }
-            } else {
-                self.decide::<Q>(group, ray, triangle);
-            }
-        }
+        let ray = &self.rays[group * GROUP + lane];
+        let mut nearest = self.groups[group].nearest(lane);
+        nearest.test_block::<S, Q>(simd, self.blocks, ray, index, triangles, errors);
+        self.groups[group].set_nearest(lane, nearest);
     }
 
     /// Takes a hit that may be there, or may be nearer than the nearest known, if it is.
-    fn decide<Q: Query>(&mut self, group: usize, lane: usize, triangle: u32) {
-        let rays = &mut self.groups[group];
-        let last = rays.triangle[lane];
-        if last == triangle {
-            return;
-        }
-        let ray = &self.rays[group * GROUP + lane];
-        let Some(crossing) = exact(self.mesh, ray, triangle) else {
-            return;
-        };
-        if last != NONE
-            && rays.low.0[lane] < rays.high.0[lane]
-            && let Some(last) = exact(self.mesh, ray, last)
-        {
-            rays.low.0[lane] = last.t;
-            rays.high.0[lane] = last.t;
-        }
-        let best = rays.high.0[lane];
-        if crossing.t < best || crossing.t == best && triangle < last {
-            rays.found::<Q>(lane, triangle, crossing.t, crossing.t);
-        }
+    fn decide<Q: Query>(&mut self, group: usize, lane: usize, place: u32) {
+        let mut nearest = self.groups[group].nearest(lane);
+        nearest.decide::<Q>(self.blocks, &self.rays[group * GROUP + lane], place);
+        self.groups[group].set_nearest(lane, nearest);
     }
 }
 
@@ -464,8 +399,9 @@ impl Group {
         t_min: Numbers([0.0; GROUP]),
         low: Numbers([f32::NEG_INFINITY; GROUP]),
         high: Numbers([f32::NEG_INFINITY; GROUP]),
-        triangle: [NONE; GROUP],
+        place: [NONE; GROUP],
         inverse: [Numbers([0.0; GROUP]); 3],
+        offset: [Numbers([0.0; GROUP]); 3],
     };
 
     /// Puts rays into lanes. Those that cannot hit anything look for nothing.
@@ -519,7 +455,7 @@ impl Group {
         let t_max = valid.select(self.high.lanes(simd), none);
         self.high = Numbers(t_max.into());
         self.low = self.high;
-        self.triangle = [NONE; GROUP];
+        self.place = [NONE; GROUP];
     }
 
     /// Prepares to [`meet`](Self::meet) boxes.
@@ -527,33 +463,34 @@ impl Group {
     fn find_inverses<S: Simd>(&mut self, simd: S) {
         let [x, y, z] = points(simd, &self.direction);
         let slowest = x.abs().max(y.abs()).max(z.abs()) * SLOWEST;
-        let one = f32x16::splat(simd, 1.0);
-        self.inverse = [
-            Numbers((one / x.abs().max(slowest).copysign(x)).into()),
-            Numbers((one / y.abs().max(slowest).copysign(y)).into()),
-            Numbers((one / z.abs().max(slowest).copysign(z)).into()),
-        ];
+        for axis in 0..3 {
+            let along = self.direction[axis].lanes(simd);
+            let inverse = f32x16::splat(simd, 1.0) / along.abs().max(slowest).copysign(along);
+            self.inverse[axis] = Numbers(inverse.into());
+            self.offset[axis] = Numbers((self.origin[axis].lanes(simd) * inverse).into());
+        }
     }
 
     /// The rays that may meet the box in a lane of `bounds`.
     #[inline(always)]
     fn meet<S: Simd>(&self, simd: S, bounds: &[[f32; LANES]; 6], lane: usize, slack: f32) -> u32 {
-        let mut enter = self.t_min.lanes(simd);
-        let mut leave = self.high.lanes(simd);
+        let high = self.high.lanes(simd);
+        let (mut enter, mut leave) = (self.t_min.lanes(simd), high);
         for axis in 0..3 {
-            let (origin, inverse) = (&self.origin[axis], &self.inverse[axis]);
-            let low = (bounds[2 * axis][lane % LANES] - slack).next_down();
-            let high = (bounds[2 * axis + 1][lane % LANES] + slack).next_up();
-            let (origin, inverse) = (origin.lanes(simd), inverse.lanes(simd));
-            let first = (f32x16::splat(simd, low) - origin) * inverse;
-            let second = (f32x16::splat(simd, high) - origin) * inverse;
-            enter = enter.max(first.min(second));
-            leave = leave.min(first.max(second));
+            let (inverse, offset) = (
+                self.inverse[axis].lanes(simd),
+                self.offset[axis].lanes(simd),
+            );
+            let first = f32x16::splat(simd, bounds[2 * axis][lane % LANES] - slack);
+            let last = f32x16::splat(simd, bounds[2 * axis + 1][lane % LANES] + slack);
+            let (first, last) = (
+                first.mul_sub(inverse, offset),
+                last.mul_sub(inverse, offset),
+            );
+            enter = enter.max(first.min(last));
+            leave = leave.min(first.max(last));
         }
-        let active = self
-            .high
-            .lanes(simd)
-            .simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
+        let active = high.simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
         (!enter.simd_gt(leave) & active).to_bitmask() as u32
     }
 
@@ -582,31 +519,26 @@ impl Group {
         self.high.lanes(simd).reduce_max()
     }
 
-    /// Takes a hit that is nearer than the nearest known.
     #[inline(always)]
-    fn found<Q: Query>(&mut self, lane: usize, triangle: u32, low: f32, high: f32) {
-        self.triangle[lane] = triangle;
-        (self.low.0[lane], self.high.0[lane]) = if Q::ANY {
-            (f32::NEG_INFINITY, f32::NEG_INFINITY)
-        } else {
-            (low, high)
-        };
+    fn nearest(&self, lane: usize) -> Nearest {
+        Nearest {
+            low: self.low.0[lane],
+            high: self.high.0[lane],
+            place: self.place[lane],
+        }
+    }
+
+    #[inline(always)]
+    fn set_nearest(&mut self, lane: usize, nearest: Nearest) {
+        self.low.0[lane] = nearest.low;
+        self.high.0[lane] = nearest.high;
+        self.place[lane] = nearest.place;
     }
 }
 
 #[inline(always)]
 fn points<S: Simd>(simd: S, [x, y, z]: &[Numbers; 3]) -> [f32x16<S>; 3] {
     [x.lanes(simd), y.lanes(simd), z.lanes(simd)]
-}
-
-/// One lane's point in every lane.
-#[inline(always)]
-fn point<S: Simd>(simd: S, [x, y, z]: &[Numbers; 3], lane: usize) -> [f32x8<S>; 3] {
-    [
-        f32x8::splat(simd, x.0[lane]),
-        f32x8::splat(simd, y.0[lane]),
-        f32x8::splat(simd, z.0[lane]),
-    ]
 }
 
 /// Columns instead of rows.
@@ -631,6 +563,23 @@ pub(super) fn are_alike(tree: &KdTree<'_>, rays: &[Ray]) -> bool {
         intervals.t_min = lower(intervals.t_min, ray.t_min);
     }
     intervals.are_narrow(&tree.bounds())
+}
+
+/// Whether no group of up to [`PACKET`] rays goes as one: a guess by a few of each.
+#[inline(always)]
+pub(super) fn are_unlike(rays: &[Ray]) -> bool {
+    rays.chunks(GROUP).all(|group| {
+        let first = group[0].direction;
+        let length = upper(upper(first[0].abs(), first[1].abs()), first[2].abs());
+        let others = group.iter().skip(GROUP / 4 - 1).step_by(GROUP / 4);
+        let mut turn = 0.0;
+        for ray in others {
+            for axis in 0..3 {
+                turn = upper(turn, (ray.direction[axis] - first[axis]).abs());
+            }
+        }
+        turn > WIDEST_TURN * 1.8 * length
+    })
 }
 
 impl Intervals {
@@ -683,7 +632,7 @@ impl Intervals {
     fn are_narrow(&self, bounds: &Aabb) -> bool {
         let mut length = 0.0;
         let mut size = 0.0;
-        let (mut turn, mut spread) = (0.0, 0.0);
+        let (mut turn, mut spread, mut place) = (0.0, 0.0, 0.0);
         let mut parallel = 0;
         for axis in 0..3 {
             let (low, high) = (self.directions.min[axis], self.directions.max[axis]);
@@ -693,9 +642,11 @@ impl Intervals {
             let (first, last) = (self.origins.min[axis], self.origins.max[axis]);
             spread = upper(spread, last - first);
             size = upper(size, bounds.max[axis] - bounds.min[axis]);
+            place = upper(place, upper(-first, last));
         }
         self.t_min >= 0.0
-            && length >= SHORTEST
+            && place <= FARTHEST
+            && ORDINARY.contains(&length)
             && parallel < 2
             && turn <= WIDEST_TURN * length
             && spread <= WIDEST_SPREAD * size
@@ -709,11 +660,11 @@ impl Intervals {
     /// By how much boxes are widened for these rays, as [`SlabLanes`] do it.
     #[inline(always)]
     fn slack(&self, bounds: &Aabb) -> f32 {
-        SLACK
-            * upper(
-                bounds.reach(self.origins.min),
-                bounds.reach(self.origins.max),
-            )
+        let (near, far) = (
+            bounds.reach(self.origins.min),
+            bounds.reach(self.origins.max),
+        );
+        slack(bounds, upper(near, far))
     }
 
     /// What bounds the errors for all of the rays.
@@ -729,11 +680,4 @@ impl Intervals {
         }
         ErrorScale::new(length_bound(length), length_bound(reach))
     }
-}
-
-/// The ray's hit of the triangle within its range.
-#[inline(always)]
-fn exact(mesh: Mesh<'_>, ray: &Ray, triangle: u32) -> Option<Crossing> {
-    let crossing = ShearedRay::new(ray)?.intersect(&mesh.corners(triangle))?;
-    (crossing.t >= ray.t_min && crossing.t <= ray.t_max).then_some(crossing)
 }

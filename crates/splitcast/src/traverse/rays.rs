@@ -3,13 +3,15 @@
 use fearless_simd::Simd;
 use rayon::prelude::*;
 
-use super::packet::{AnyHits, ClosestHits, GROUP, PACKET, Packet};
-use super::{Any, Closest, Trace};
+use super::Alone;
+use super::nearest::{AnyHits, ClosestHits};
+use super::packet::{GROUP, PACKET, Packet, are_unlike};
+use super::stream::Streams;
 use crate::simd::{Kernel, dispatch};
 use crate::{Hit, KdTree, Ray};
 
-/// Rays of a task: some tens of microseconds.
-const TASK: usize = 16 * PACKET;
+/// Rays of a task: some hundreds of microseconds, and enough for streams.
+const TASK: usize = 64 * PACKET;
 
 impl KdTree<'_> {
     /// The nearest hit of each ray, as [`KdTree::closest_hit`] finds it, in `hits`; on the current rayon
@@ -69,23 +71,32 @@ impl Kernel for ClosestOfAll<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { tree, rays, hits } = self;
-        let mesh = tree.mesh();
-        let mut packet = Packet::new(mesh);
-        for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
-            let traced = packet.trace::<S, ClosestHits>(simd, tree, rays);
-            let groups = rays.chunks(GROUP).zip(hits.chunks_mut(GROUP));
-            for (index, (rays, hits)) in groups.enumerate() {
+        let mut packet = Packet::new(tree);
+        let mut streams = None;
+        for (start, packed) in (0..).step_by(PACKET).zip(rays.chunks(PACKET)) {
+            let traced = match are_unlike(packed) {
+                true => 0,
+                false => packet.trace::<S, ClosestHits>(simd, tree, packed),
+            };
+            for (index, group) in packed.chunks(GROUP).enumerate() {
+                let start = start + index * GROUP;
+                let places = start..start + group.len();
                 if traced >> index & 1 != 0 {
-                    packet.complete(simd, index, hits);
+                    packet.complete(simd, index, &mut hits[places]);
                     continue;
                 }
-                for (ray, hit) in rays.iter().zip(hits) {
-                    let mut closest = Closest::new(ray);
-                    let sink = &mut closest;
-                    Trace { tree, ray, sink }.trace(simd);
-                    *hit = closest.into_hit(mesh);
+                let streams = streams.get_or_insert_with(|| Streams::new(tree, rays));
+                for place in places {
+                    if !streams.add::<S, ClosestHits>(simd, place, hits) {
+                        let ray = &rays[place];
+                        let nearest = Alone::<ClosestHits>::new(tree, ray).run(simd).0;
+                        hits[place] = nearest.into_hit(&tree.wide().blocks, ray);
+                    }
                 }
             }
+        }
+        if let Some(streams) = &mut streams {
+            streams.finish::<S, ClosestHits>(simd, hits);
         }
     }
 }
@@ -107,19 +118,30 @@ impl Kernel for AnyOfAll<'_, '_> {
             rays,
             occluded,
         } = self;
-        let mut packet = Packet::new(tree.mesh());
-        for (rays, occluded) in rays.chunks(PACKET).zip(occluded.chunks_mut(PACKET)) {
-            let traced = packet.trace::<S, AnyHits>(simd, tree, rays);
-            for (index, (ray, occluded)) in rays.iter().zip(occluded).enumerate() {
-                *occluded = if traced >> (index / GROUP) & 1 != 0 {
-                    packet.is_hit(index)
-                } else {
-                    let mut any = Any::new(ray);
-                    let sink = &mut any;
-                    Trace { tree, ray, sink }.trace(simd);
-                    any.found
-                };
+        let mut packet = Packet::new(tree);
+        let mut streams = None;
+        for (start, packed) in (0..).step_by(PACKET).zip(rays.chunks(PACKET)) {
+            let traced = match are_unlike(packed) {
+                true => 0,
+                false => packet.trace::<S, AnyHits>(simd, tree, packed),
+            };
+            for (index, group) in packed.chunks(GROUP).enumerate() {
+                let start = index * GROUP + start;
+                for place in start..start + group.len() {
+                    if traced >> index & 1 != 0 {
+                        occluded[place] = packet.is_hit(place % PACKET);
+                        continue;
+                    }
+                    let streams = streams.get_or_insert_with(|| Streams::new(tree, rays));
+                    if !streams.add::<S, AnyHits>(simd, place, occluded) {
+                        let nearest = Alone::<AnyHits>::new(tree, &rays[place]).run(simd).0;
+                        occluded[place] = nearest.is_hit();
+                    }
+                }
             }
+        }
+        if let Some(streams) = &mut streams {
+            streams.finish::<S, AnyHits>(simd, occluded);
         }
     }
 }

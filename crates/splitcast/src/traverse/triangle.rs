@@ -21,7 +21,7 @@ use std::ops::{Add, Div, Mul, Sub};
 use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
 
-use crate::{Mesh, Ray};
+use crate::Ray;
 
 /// A ray with the shear that turns it into its last axis.
 #[derive(Clone, Copy, Debug)]
@@ -53,13 +53,8 @@ impl<'r> ShearedRay<'r> {
         }
         let [x, y, z] = ray.direction;
         let (x, y, z) = (x.abs(), y.abs(), z.abs());
-        let axes = if (x >= y) & (x >= z) {
-            [1, 2, 0]
-        } else if y >= z {
-            [2, 0, 1]
-        } else {
-            [0, 1, 2]
-        };
+        let largest = largest_axis(x, y, z);
+        let axes = [(largest + 1) % 3, (largest + 2) % 3, largest];
         (ray.direction[axes[2]] != 0.0).then_some(Self { ray, axes })
     }
 
@@ -235,6 +230,18 @@ impl TriangleInFrame<f64> {
     }
 }
 
+/// The axis of the largest of three sizes, the first of equal ones.
+#[inline(always)]
+pub(super) fn largest_axis(x: f32, y: f32, z: f32) -> usize {
+    if (x >= y) & (x >= z) {
+        0
+    } else if y >= z {
+        1
+    } else {
+        2
+    }
+}
+
 #[inline(always)]
 fn widened([x, y, z]: [f32; 3]) -> [f64; 3] {
     [f64::from(x), f64::from(y), f64::from(z)]
@@ -270,11 +277,11 @@ fn two_product(a: f64, b: f64) -> (f64, f64) {
     (product, rest)
 }
 
-/// The unit normal of triangle `index` by the right-hand rule of its corners;
+/// The unit normal of a triangle by the right-hand rule of its corners;
 /// zero for one without area.
 #[inline(always)]
-pub(super) fn unit_normal(mesh: Mesh<'_>, index: u32) -> [f32; 3] {
-    let normal = area_normal(&mesh.corners(index).map(widened));
+pub(super) fn unit_normal(corners: &[[f32; 3]; 3]) -> [f32; 3] {
+    let normal = area_normal(&corners.map(widened));
     if normal == [0.0; 3] {
         return [0.0; 3];
     }

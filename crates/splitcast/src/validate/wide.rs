@@ -78,9 +78,9 @@ impl KdTree<'_> {
             let [a, b, c] = self.mesh().corners(triangle);
             let placed = (0..3).all(|axis| {
                 let numbers = [
-                    (block.corner[axis][place], a[axis]),
-                    (block.edges[0][axis][place], b[axis] - a[axis]),
-                    (block.edges[1][axis][place], c[axis] - a[axis]),
+                    (block.corners[0][axis][place], a[axis]),
+                    (block.corners[1][axis][place], b[axis]),
+                    (block.corners[2][axis][place], c[axis]),
                 ];
                 numbers.iter().all(|(found, expected)| found == expected)
             });

@@ -276,9 +276,9 @@ impl Block {
             ..Self::ZERO
         };
         for axis in 0..3 {
-            block.corner[axis] = a[axis].into();
-            block.edges[0][axis] = (b[axis] - a[axis]).into();
-            block.edges[1][axis] = (c[axis] - a[axis]).into();
+            block.corners[0][axis] = a[axis].into();
+            block.corners[1][axis] = b[axis].into();
+            block.corners[2][axis] = c[axis].into();
         }
         block
     }

@@ -151,12 +151,12 @@ pub(crate) fn triangle_areas(blocks: &[Block], areas: &mut [f32]) {
 /// One of [`triangle_areas`].
 #[inline(always)]
 fn areas_of<S: Simd>(simd: S, block: &Block) -> f32 {
-    let zero = f32x8::splat(simd, 0.0);
-    let mut extents = [zero; 3];
+    let mut extents = [f32x8::splat(simd, 0.0); 3];
     for axis in 0..3 {
-        let b = f32x8::simd_from(simd, block.edges[0][axis]);
-        let c = f32x8::simd_from(simd, block.edges[1][axis]);
-        extents[axis] = b.max(c).max(zero) - b.min(c).min(zero);
+        let a = f32x8::simd_from(simd, block.corners[0][axis]);
+        let b = f32x8::simd_from(simd, block.corners[1][axis]);
+        let c = f32x8::simd_from(simd, block.corners[2][axis]);
+        extents[axis] = a.max(b).max(c) - a.min(b).min(c);
     }
     let [x, y, z] = extents;
     let areas: [f32; LANES] = (x * y + (x + y) * z).into();

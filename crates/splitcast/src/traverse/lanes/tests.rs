@@ -131,10 +131,8 @@ impl Scene {
             std::array::from_fn(|lane| number(&self.triangles[lane]))
         };
         Block {
-            corner: [0, 1, 2].map(|axis| row(&|corners| corners[0][axis])),
-            edges: [1, 2].map(|corner| {
-                [0, 1, 2].map(|axis| row(&|corners| corners[corner][axis] - corners[0][axis]))
-            }),
+            corners: [0, 1, 2]
+                .map(|corner| [0, 1, 2].map(|axis| row(&|corners| corners[corner][axis]))),
             triangles: std::array::from_fn(|lane| lane as u32),
         }
     }

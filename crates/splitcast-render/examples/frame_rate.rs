@@ -1,5 +1,5 @@
-//! Measures how many pictures a second a motion's trees can be updated and traced;
-//! tone mapping follows and is timed apart, and nothing is encoded beside them.
+//! Measures how many pictures a second a motion can be shown in: its trees updated, the pictures traced
+//! and brought to a display's bytes. Nothing is encoded beside them.
 //!
 //! ```text
 //! cargo run --release -p splitcast-render --example frame_rate -- [--rounds N] [--threads N] [--size N] [--quality NAME] [INPUT ...]
@@ -13,7 +13,7 @@
 use std::time::{Duration, Instant};
 
 use splitcast::{Aabb, BuildOptions, Mesh, Tracker};
-use splitcast_render::{Camera, Perspective, Quality, RenderOptions, Renderer, to_srgb8};
+use splitcast_render::{Camera, Perspective, Quality, RenderOptions, Renderer};
 use splitcast_scene::{Frame, FrameSource, MeshSequence, SequenceInfo, builtin};
 
 /// Whatever went wrong.
@@ -50,9 +50,9 @@ fn main() -> Result<(), Failure> {
         .num_threads(threads)
         .build()?;
     println!(
-        "| scene | triangles | update ms, {threads} thread(s) | trace ms | tone map ms | Mray | frames/s, updated and traced |"
+        "| scene | triangles | update ms, {threads} thread(s) | picture ms | Mray | frames/s |"
     );
-    println!("|---|---:|---:|---:|---:|---:|---:|");
+    println!("|---|---:|---:|---:|---:|---:|");
     for input in &inputs {
         let mut source: Box<dyn FrameSource> = match builtin::open(input) {
             Some(scene) => scene,
@@ -81,29 +81,26 @@ fn measure(
     });
     let renderer = Renderer::new(Camera::new(&view)?, &bounds, options.clone())?;
     let mut tracker = Tracker::new(&BuildOptions::default())?;
-    let [mut updates, mut traces, mut tone_maps, mut totals] = [const { Vec::new() }; 4];
+    let [mut updates, mut pictures, mut totals] = [const { Vec::new() }; 3];
     let mut rays = 0;
     for frame in frames.iter().cycle().take(rounds.max(1) * frames.len()) {
         let mesh = Mesh::new(&frame.positions, &frame.triangles)?;
         let started = Instant::now();
         let update = tracker.update(mesh)?;
         let updated = Instant::now();
-        let (image, stats) = renderer.render(&update.tree, frame)?;
-        let traced = Instant::now();
-        std::hint::black_box(to_srgb8(&image));
+        let (bytes, stats) = renderer.render_srgb8(&update.tree, frame)?;
         let shown = Instant::now();
+        std::hint::black_box(bytes);
         updates.push(updated - started);
-        traces.push(traced - updated);
-        tone_maps.push(shown - traced);
-        totals.push(traced - started);
+        pictures.push(shown - updated);
+        totals.push(shown - started);
         rays += stats.rays;
     }
     println!(
-        "| {name} | {} | {:.2} | {:.2} | {:.2} | {:.2} | {:.1} |",
+        "| {name} | {} | {:.2} | {:.2} | {:.2} | {:.1} |",
         frames.first().map_or(0, |frame| frame.triangles.len()),
         median(&mut updates),
-        median(&mut traces),
-        median(&mut tone_maps),
+        median(&mut pictures),
         rays as f64 / totals.len().max(1) as f64 / 1e6,
         1e3 / median(&mut totals),
     );

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 use splitcast::{Aabb, Ray};
 
 use crate::RenderError;
+use crate::lanes::{Lanes, Vector};
 use crate::options::{check_coordinates, check_direction, check_range};
 use crate::stage::Stage;
 
@@ -150,23 +151,43 @@ impl Camera {
     /// top left corner and (1, 1) the bottom right one. `None` if it lies
     /// behind the camera.
     pub fn project(&self, point: [f32; 3], aspect: f32) -> Option<[f32; 2]> {
-        let towards = Vec3::from(point) - self.eye;
-        let depth = towards.dot(self.forward);
-        let along = |axis: Vec3| towards.dot(axis) / (depth * axis.length_squared());
-        (depth > 0.0).then(|| {
-            [
-                0.5 + 0.5 * along(self.right) / aspect,
-                0.5 - 0.5 * along(self.up),
-            ]
-        })
+        let [depth, x, y] = self.seen(Vector::from(Vec3::from(point)), aspect);
+        (depth > 0.0).then_some([x, y])
+    }
+
+    /// How deep behind the eye's plane points lie, and, if that is above 0, where they appear.
+    #[inline(always)]
+    pub(crate) fn seen<L: Lanes>(&self, point: Vector<L>, aspect: f32) -> [L; 3] {
+        let towards = point - Vector::splat(point.x, self.eye);
+        let depth = towards.dot_with(self.forward);
+        let across = towards.dot_with(self.right) / (depth * self.right.length_squared());
+        let above = towards.dot_with(self.up) / (depth * self.up.length_squared());
+        let half = depth.splat(0.5);
+        [depth, across * 0.5 / aspect + 0.5, half - above * 0.5]
+    }
+
+    /// What moves by no more than a share of its depth moves by no more than this in the picture, in heights of
+    /// that.
+    pub(crate) fn shift(&self, share: f32, aspect: f32) -> f32 {
+        // The place is across / depth, and both may be off; the picture ends at half a height or width.
+        share * (0.5 / self.up.length() + 0.5 * aspect.max(1.0))
     }
 
     /// The ray, of unit direction, through a point of the picture: (0, 0) is
     /// its top left corner, (1, 1) its bottom right one.
     pub fn ray(&self, [x, y]: [f32; 2], aspect: f32) -> Ray {
-        let direction =
-            self.forward + self.right * ((2.0 * x - 1.0) * aspect) + self.up * (1.0 - 2.0 * y);
-        Ray::new(self.eye.into(), direction.normalize().into())
+        let direction: Vec3 = self.towards(x, y, aspect).normalize().into();
+        Ray::new(self.eye.into(), direction.into())
+    }
+
+    /// From the eye to points of the picture where that is at distance 1: linear in both coordinates.
+    #[inline(always)]
+    pub(crate) fn towards<L: Lanes>(&self, x: L, y: L, aspect: f32) -> Vector<L> {
+        let across = (x * 2.0 - 1.0) * aspect;
+        let above = (y * 2.0).rest();
+        Vector::splat(x, self.forward)
+            + Vector::splat(x, self.right) * across
+            + Vector::splat(x, self.up) * above
     }
 }
 

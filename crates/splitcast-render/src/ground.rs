@@ -3,6 +3,7 @@
 
 use glam::Vec3;
 
+use crate::lanes::{Lanes, Vector};
 use crate::stage::Stage;
 use crate::surface::Surface;
 
@@ -45,10 +46,34 @@ impl Ground {
 
     /// The distance at which a ray comes down on the ground.
     pub(crate) fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        let (above, descent) = (origin.dot(self.up) - self.height, -direction.dot(self.up));
-        (above > 0.0 && descent > 0.0)
-            .then(|| above / descent)
-            .filter(|t| t.is_finite())
+        let distance = self.distance(self.above(origin), direction.into());
+        Some(distance).filter(|t| t.is_finite())
+    }
+
+    /// How far `point` is above the ground.
+    pub(crate) fn above(&self, point: Vec3) -> f32 {
+        point.dot(self.up) - self.height
+    }
+
+    /// The distance at which rays that start `above` the ground come down on it, infinite if they do not.
+    #[inline(always)]
+    pub(crate) fn distance<L: Lanes>(&self, above: f32, direction: Vector<L>) -> L {
+        let descent = -direction.dot_with(self.up);
+        let (zero, above) = (descent.splat(0.0), descent.splat(above));
+        let comes_down = zero.is_below(above) & zero.is_below(descent);
+        (above / descent).or(comes_down, zero.splat(f32::INFINITY))
+    }
+
+    /// The height that a way along unit direction `sun` gains for each unit of length.
+    pub(crate) fn slope(&self, sun: Vec3) -> f32 {
+        sun.dot(self.up)
+    }
+
+    /// Where the sun in unit direction `sun` casts the shadows of points.
+    #[inline(always)]
+    pub(crate) fn shadow<L: Lanes>(&self, point: Vector<L>, sun: Vec3) -> Vector<L> {
+        let height = point.dot_with(self.up) - self.height;
+        point - Vector::splat(height, sun) * (height / self.slope(sun))
     }
 
     /// The ground at `point`.
@@ -64,14 +89,20 @@ impl Ground {
 
     /// How much of the ground has turned to haze at `point`: 0 to 1, smooth.
     pub(crate) fn haze(&self, point: Vec3) -> f32 {
-        let away = point - self.centre;
-        if away.length_squared() < self.clear {
+        if (point - self.centre).length_squared() < self.clear {
             return 0.0;
         }
+        self.haze_lanes(point.into())
+    }
+
+    /// [`Ground::haze`] at many points.
+    #[inline(always)]
+    pub(crate) fn haze_lanes<L: Lanes>(&self, point: Vector<L>) -> L {
+        let away = point - Vector::splat(point.x, self.centre);
         let distance = away.length() / self.radius;
-        let share = ((distance - HAZE.0) / (HAZE.1 - HAZE.0)).clamp(0.0, 1.0);
+        let share = ((distance - HAZE.0) / (HAZE.1 - HAZE.0)).within(0.0, 1.0);
         // Eased at the far end only: near ground loses contrast slowly, as in real haze.
-        share * share * (3.0 - 2.0 * share)
+        share * share * (share.splat(3.0) - share * 2.0)
     }
 }
 

@@ -1,7 +1,9 @@
 //! The renderer: a camera, a stage and options, ready to be given frames.
 
 use std::borrow::Cow;
+use std::fmt;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
 use splitcast::{Aabb, KdTree, Ray};
@@ -9,6 +11,7 @@ use splitcast_scene::{Frame, vertex_normals};
 
 use crate::adaptive::{Estimate, first_samples, is_uneven};
 use crate::ground::{self, Ground};
+use crate::preview::{Pixel, Preview};
 use crate::sampling::{PixelSamples, tent};
 use crate::shade::{FILTER, Sample, Surroundings, Tracer};
 use crate::sky::Sky;
@@ -17,6 +20,7 @@ use crate::surface::{CLAY, PLASTER, Surface, Surfaces};
 use crate::tiles::render_tiles;
 use crate::{
     Camera, Image, Quality, RenderError, RenderOptions, Shading, ToneCurve, View, debug_view,
+    to_srgb8,
 };
 
 /// Sine of the lowest sun that still gives light on the ground.
@@ -29,7 +33,8 @@ const BATCH: usize = 1024;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RenderStats {
     /// Rays traced: from the camera, to the sun, and into the surroundings.
-    /// Those that pass by the whole tree count as well.
+    /// Those that pass by the whole tree count as well; where ground surely is in the sun's light, a
+    /// preview sends none there.
     pub rays: u64,
 }
 
@@ -39,6 +44,20 @@ pub struct Renderer {
     camera: Camera,
     options: RenderOptions,
     surroundings: Surroundings,
+    backdrops: Backdrops,
+}
+
+/// Previews without the mesh, made when they are first asked for.
+#[derive(Clone, Default)]
+struct Backdrops {
+    light: OnceLock<Vec<[f32; 3]>>,
+    bytes: OnceLock<Vec<[u8; 3]>>,
+}
+
+impl fmt::Debug for Backdrops {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Backdrops").finish_non_exhaustive()
+    }
 }
 
 impl Renderer {
@@ -72,6 +91,7 @@ impl Renderer {
             camera,
             options,
             surroundings,
+            backdrops: Backdrops::default(),
         })
     }
 
@@ -92,6 +112,68 @@ impl Renderer {
         tree: &KdTree<'_>,
         frame: &Frame,
     ) -> Result<(Image, RenderStats), RenderError> {
+        let mut image =
+            self.image(
+                self.with_surfaces(tree, frame, |surfaces| match self.preview() {
+                    Some(preview) => preview_on(&self.backdrops.light, &preview, &surfaces),
+                    None => self.pixels(surfaces),
+                })?,
+            );
+        debug_view::draw_legend(&mut image.0, tree, &self.options);
+        Ok(image)
+    }
+
+    /// [`Renderer::render`] and [`to_srgb8`], in less time than both if the options ask for a plain preview.
+    ///
+    /// # Errors
+    /// As for [`Renderer::render`].
+    pub fn render_srgb8(
+        &self,
+        tree: &KdTree<'_>,
+        frame: &Frame,
+    ) -> Result<(Vec<u8>, RenderStats), RenderError> {
+        let Some(preview) = self.preview() else {
+            let (image, stats) = self.render(tree, frame)?;
+            return Ok((to_srgb8(&image), stats));
+        };
+        let (bytes, rays) = self.with_surfaces(tree, frame, |surfaces| {
+            preview_on(&self.backdrops.bytes, &preview, &surfaces)
+        })?;
+        Ok((bytes.into_flattened(), RenderStats { rays }))
+    }
+
+    /// What makes the picture if it is a preview with a sample in the middle of each pixel.
+    fn preview(&self) -> Option<Preview<'_>> {
+        let options = &self.options;
+        let is_plain = options.quality == Quality::Preview
+            && options.view == View::Beauty
+            && options.effective_samples_per_pixel() == 1;
+        is_plain.then(|| Preview {
+            camera: &self.camera,
+            surroundings: &self.surroundings,
+            width: options.width,
+            height: options.height,
+            brightness: options.exposure.exp2(),
+        })
+    }
+
+    fn image(&self, (pixels, rays): (Vec<[f32; 3]>, u64)) -> (Image, RenderStats) {
+        let image = Image {
+            width: self.options.width,
+            height: self.options.height,
+            pixels,
+            tone_curve: self.tone_curve(),
+        };
+        (image, RenderStats { rays })
+    }
+
+    /// What `use_them` makes of the frame's surfaces.
+    fn with_surfaces<T>(
+        &self,
+        tree: &KdTree<'_>,
+        frame: &Frame,
+        use_them: impl FnOnce(Surfaces<'_>) -> T,
+    ) -> Result<T, RenderError> {
         check_frame(tree, frame)?;
         let normals = match self.options.shading {
             Shading::Flat => None,
@@ -113,15 +195,7 @@ impl Renderer {
                 _ => CLAY,
             },
         };
-        let (pixels, rays) = self.pixels(surfaces);
-        let mut image = Image {
-            width: options.width,
-            height: options.height,
-            pixels,
-            tone_curve: self.tone_curve(),
-        };
-        debug_view::draw_legend(&mut image, tree, options);
-        Ok((image, RenderStats { rays }))
+        Ok(use_them(surfaces))
     }
 
     /// The picture's pixels, row by row, and the number of rays that took.
@@ -361,6 +435,20 @@ fn data_colors(
     surfaces.map(color).collect()
 }
 
+/// A preview over its backdrop, and the number of rays that took.
+fn preview_on<P: Pixel>(
+    backdrop: &OnceLock<Vec<P>>,
+    preview: &Preview<'_>,
+    surfaces: &Surfaces<'_>,
+) -> (Vec<P>, u64) {
+    // Who finds no backdrop makes one. Waiting for another thread's could block the pool, whose
+    // threads may take up one task while they wait for another.
+    if backdrop.get().is_none() {
+        let _ = backdrop.set(preview.backdrop());
+    }
+    preview.picture(backdrop.get().expect("just made"), surfaces)
+}
+
 fn check_frame(tree: &KdTree<'_>, frame: &Frame) -> Result<(), RenderError> {
     let mesh = tree.mesh();
     let positions = frame.positions.len();
@@ -388,4 +476,107 @@ fn check_frame(tree: &KdTree<'_>, frame: &Frame) -> Result<(), RenderError> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proptest::prelude::*;
+    use splitcast::{BuildOptions, Mesh, SimdLevel, force_simd};
+
+    use super::*;
+    use crate::Perspective;
+
+    /// A picture's pixels as they come out of [`Preview`] and without it, bit by bit, on every instruction set.
+    fn check_preview(frame: &Frame, view: &Perspective, options: RenderOptions) {
+        let options = RenderOptions {
+            quality: Quality::Preview,
+            ..options
+        };
+        let mesh = Mesh::new(&frame.positions, &frame.triangles).unwrap();
+        let tree = KdTree::build(mesh, &BuildOptions::default()).unwrap();
+        let camera = Camera::new(view).unwrap();
+        let mut renderer = Renderer::new(camera, &tree.bounds(), options).unwrap();
+        let (expected, _) =
+            (renderer.with_surfaces(&tree, frame, |surfaces| renderer.pixels(surfaces))).unwrap();
+        for &level in SimdLevel::ALL.iter().filter(|level| level.is_available()) {
+            force_simd(Some(level)).unwrap();
+            renderer.backdrops = Backdrops::default();
+            let (image, _) = renderer.render(&tree, frame).unwrap();
+            let (bytes, _) = renderer.render_srgb8(&tree, frame).unwrap();
+            for (index, (pixel, expected)) in image.pixels.iter().zip(&expected).enumerate() {
+                let (x, y) = (index as u32 % image.width, index as u32 / image.width);
+                let same = pixel.map(f32::to_bits) == expected.map(f32::to_bits);
+                assert!(same, "{level}, ({x}, {y}): {pixel:?}, not {expected:?}");
+            }
+            assert!(bytes == to_srgb8(&image), "{level}");
+        }
+        force_simd(None).unwrap();
+    }
+
+    fn point(reach: f32) -> impl Strategy<Value = [f32; 3]> {
+        prop::array::uniform3(prop_oneof![4 => -reach..reach, 1 => Just(0.5), 1 => Just(-0.5)])
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+
+        #[test]
+        fn previews_show_what_single_rays_find(
+            corners in prop::collection::vec(point(1.0), 3..40),
+            colors in prop::bool::ANY,
+            shading in prop::sample::select(Shading::ALL),
+            // Near enough to have triangles behind the camera, and far enough to see the horizon.
+            eye in prop_oneof![point(1.5), point(20.0)],
+            look_at in point(0.3),
+            vertical_fov_degrees in prop_oneof![Just(24.0f32), 5.0f32..150.0],
+            sun in prop_oneof![Just(None), ([-1.0f32..1.0, 0.05f32..1.0, -1.0f32..1.0]).prop_map(Some)],
+            (ground, exposure) in (prop::bool::weighted(0.8), -1.0f32..1.0),
+            (width, height) in (1u32..70, 1u32..40),
+            (scale, shift) in prop_oneof![
+                Just((1.0f32, 0.0f32)), Just((1e-4, 0.0)), Just((1e4, 0.0)), Just((1.0, 1e3))
+            ],
+        ) {
+            let moved = |p: [f32; 3]| p.map(|x| x * scale + shift);
+            let count = corners.len() as u32;
+            let frame = Frame {
+                positions: corners.into_iter().map(moved).collect(),
+                triangles: Arc::new((2..count).map(|i| [i - 2, i - 1, i]).collect()),
+                normals: None,
+                colors: colors.then(|| {
+                    Arc::new((0..count).map(|i| [50 + 5 * i as u8, 200, 3 * i as u8]).collect())
+                }),
+            };
+            let view = Perspective {
+                eye: moved(eye),
+                look_at: moved(look_at),
+                up: [0.0, 1.0, 0.0],
+                vertical_fov_degrees,
+            };
+            // A view along up has no picture.
+            prop_assume!(Camera::new(&view).is_ok());
+            let options = RenderOptions {
+                width,
+                height,
+                shading,
+                sun,
+                ground,
+                exposure,
+                ..RenderOptions::default()
+            };
+            check_preview(&frame, &view, options);
+        }
+    }
+
+    #[test]
+    fn a_preview_of_nothing_is_its_backdrop() {
+        let view = Perspective::framing(&[], [0.0, 1.0, 0.0], 1.5, 24.0).unwrap();
+        let options = RenderOptions {
+            width: 30,
+            height: 20,
+            ..RenderOptions::default()
+        };
+        check_preview(&Frame::default(), &view, options);
+    }
 }

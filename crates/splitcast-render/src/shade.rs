@@ -11,6 +11,7 @@
 //! step: the rays of a step that start at neighbouring pixels take much the
 //! same way through the tree, and are traced together.
 
+mod reflection;
 mod sunlit;
 
 use glam::{Vec2, Vec3};
@@ -21,6 +22,7 @@ use crate::reach::reaching;
 use crate::sampling::{PixelSamples, cosine_hemisphere};
 use crate::sky::Sky;
 use crate::surface::{Surface, Surfaces};
+pub(crate) use reflection::Lit;
 
 /// Dimensions of the sampler: the pixel filter, then two for every point of a path.
 pub(crate) const FILTER: u32 = 0;
@@ -33,13 +35,6 @@ const OPEN_AT_END: f32 = 0.5;
 /// Light from an obstacle that is not looked at closer, relative to the open
 /// sky's light on the obstructed surface.
 const OBSTACLE: f32 = 0.35;
-
-/// Share of light reflected straight back by a dielectric such as clay, index 1.5.
-const REFLECTANCE: f32 = 0.04;
-
-/// Roughness of the sheen, squared as is usual for the width of the lobe.
-const ROUGHNESS: f32 = 0.65;
-const ALPHA: f32 = ROUGHNESS * ROUGHNESS;
 
 /// The light of a scene without its mesh.
 #[derive(Clone, Debug)]
@@ -386,46 +381,23 @@ impl<'s> Tracer<'s> {
     }
 }
 
-/// The light that a surface sends towards unit direction `to_eye`: diffuse
-/// under a thin dielectric coat.
+/// The light that a surface sends towards unit direction `to_eye`.
 fn reflect(sky: &Sky, surface: &Surface, to_eye: Vec3, arriving: &Arriving) -> Vec3 {
-    let normal = surface.normal;
-    let facing = normal.dot(to_eye).clamp(0.0, 1.0);
-    // Schlick's approximation, bounded for rough surfaces (Lagarde 2011): grazing light is
-    // reflected by slopes that are not grazed.
-    let fresnel = REFLECTANCE
-        + ((1.0 - ROUGHNESS).max(REFLECTANCE) - REFLECTANCE) * fifth_power(1.0 - facing);
-    let diffuse = surface.albedo * (arriving.sun + arriving.around) * (1.0 - fresnel);
-    let mirrored = 2.0 * normal.dot(to_eye) * normal - to_eye;
-    let sheen = sky.irradiance(mirrored) * (fresnel * arriving.open);
-    diffuse + sheen + arriving.sun * highlight(normal, to_eye, sky.sun())
-}
-
-/// The GGX lobe for light from `to_light`, relative to a white diffuse
-/// surface (Walter et al. 2007; visibility after Hammon 2017).
-fn highlight(normal: Vec3, to_eye: Vec3, to_light: Vec3) -> f32 {
-    let Some(half) = (to_eye + to_light).try_normalize() else {
-        return 0.0;
+    let lit = Lit {
+        normal: surface.normal.into(),
+        albedo: surface.albedo.into(),
+        to_eye: to_eye.into(),
+        sun: arriving.sun.into(),
+        around: arriving.around.into(),
+        open: arriving.open,
     };
-    let (n_h, n_l) = (normal.dot(half).max(0.0), normal.dot(to_light).max(0.0));
-    let n_v = normal.dot(to_eye).max(1e-3);
-    let spread = n_h * n_h * (ALPHA * ALPHA - 1.0) + 1.0;
-    let lobe = ALPHA * ALPHA / (spread * spread);
-    let visibility = 0.5 / ((1.0 - ALPHA) * 2.0 * n_l * n_v + ALPHA * (n_l + n_v)).max(1e-6);
-    let fresnel =
-        REFLECTANCE + (1.0 - REFLECTANCE) * fifth_power(1.0 - to_light.dot(half).max(0.0));
-    lobe * visibility * fresnel
+    lit.reflected(sky).into()
 }
 
 /// `direction`, mirrored to the upper side of `facet` if it points below: smooth normals lean
 /// over the edge of their triangles.
 fn above(direction: Vec3, facet: Vec3) -> Vec3 {
     direction - facet * (2.0 * direction.dot(facet).min(0.0))
-}
-
-fn fifth_power(x: f32) -> f32 {
-    let square = x * x;
-    square * square * x
 }
 
 #[cfg(test)]

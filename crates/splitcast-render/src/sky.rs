@@ -9,6 +9,7 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::lanes::{Lanes, Vector};
 use crate::sampling::{PixelSamples, cosine_hemisphere, disk};
 
 /// Light from the horizon, from straight above, and from the sun on a white
@@ -115,25 +116,41 @@ impl Sky {
     /// What the camera sees along unit direction `direction` behind
     /// everything else: as the environment, but ground far away has turned to haze.
     pub(crate) fn backdrop(&self, direction: Vec3) -> Vec3 {
-        let height = direction.dot(self.up).clamp(-1.0, 1.0);
-        let rest = 1.0 - height.abs();
-        let towards = if height < 0.0 && self.ground.is_some() {
-            self.horizon
-        } else if height < 0.0 {
-            self.nadir
-        } else {
-            self.zenith
+        self.backdrop_lanes(direction.into()).into()
+    }
+
+    /// [`Sky::backdrop`] along many directions.
+    #[inline(always)]
+    pub(crate) fn backdrop_lanes<L: Lanes>(&self, direction: Vector<L>) -> Vector<L> {
+        let height = direction.dot_with(self.up).within(-1.0, 1.0);
+        let rest = height.abs().rest();
+        let below = match self.ground {
+            Some(_) => self.horizon,
+            None => self.nadir,
         };
-        towards.lerp(self.horizon, rest * rest * rest)
+        let (zenith, below) = (
+            Vector::splat(height, self.zenith),
+            Vector::splat(height, below),
+        );
+        let horizon = Vector::splat(height, self.horizon);
+        let towards = below.or(height.is_below(height.splat(0.0)), zenith);
+        towards.lerp(horizon, rest * rest * rest)
     }
 
     /// Light of the whole environment on a white surface with unit normal
     /// `normal`, unobstructed; the sun not included.
     pub(crate) fn irradiance(&self, normal: Vec3) -> Vec3 {
-        let slope = normal.dot(self.up).clamp(-1.0, 1.0);
-        let place = (0.5 * slope + 0.5) * (SLOPES - 1) as f32;
-        let entry = (place as usize).min(SLOPES - 2);
-        self.irradiance[entry].lerp(self.irradiance[entry + 1], place - entry as f32)
+        self.irradiance_lanes(normal.into()).into()
+    }
+
+    /// [`Sky::irradiance`] for many normals.
+    #[inline(always)]
+    pub(crate) fn irradiance_lanes<L: Lanes>(&self, normal: Vector<L>) -> Vector<L> {
+        let slope = normal.dot_with(self.up).within(-1.0, 1.0);
+        let place = (slope * 0.5 + 0.5) * (SLOPES - 1) as f32;
+        let entry = place.trunc().min(place.splat((SLOPES - 2) as f32));
+        let (low, high) = (&self.irradiance[..SLOPES - 1], &self.irradiance[1..]);
+        (entry.entries(low)).lerp(entry.entries(high), place - entry)
     }
 
     /// The mean of the environment around a normal that rises by `slope`,

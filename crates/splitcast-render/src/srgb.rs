@@ -7,9 +7,10 @@ use std::sync::LazyLock;
 /// and so many that no two bytes are in one.
 const PARTS: usize = 1 << 12;
 
-struct Tables {
+/// What the curve is computed from.
+pub(crate) struct Tables {
     /// Linear light of every byte; what follows the last is out of reach.
-    linear: [f32; 257],
+    linear: [f32; 258],
     /// The last byte whose linear light is at most each part's low end. The
     /// last part holds 1 alone.
     first: [u8; PARTS + 1],
@@ -37,6 +38,11 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     }
 });
 
+/// The tables, for many colours in a row.
+pub(crate) fn tables() -> &'static Tables {
+    &TABLES
+}
+
 /// Linear light, 0 to 1, of an sRGB colour.
 pub(crate) fn decode(bytes: [u8; 3]) -> [f32; 3] {
     let tables = &*TABLES;
@@ -52,19 +58,22 @@ pub(crate) fn encode(linear: [f32; 3]) -> [u8; 3] {
 /// Of each channel one of the two bytes around it: the upper one from
 /// `threshold`, 0 to 1, of the way between them in linear light.
 pub(crate) fn encode_at(linear: [f32; 3], threshold: f32) -> [u8; 3] {
-    let tables = &*TABLES;
-    let mut bytes = [0; 3];
-    for (byte, linear) in bytes.iter_mut().zip(linear) {
-        // NaN stays NaN; it is in part 0, and no byte is found below or above it.
-        let linear = linear.clamp(0.0, 1.0);
+    let tables = tables();
+    // NaN stays NaN; it is in part 0, and no byte is found below or above it.
+    linear.map(|linear| tables.encode(linear.clamp(0.0, 1.0), threshold))
+}
+
+impl Tables {
+    /// [`encode_at`] for one channel, which must not be beyond 0 or 1.
+    #[inline(always)]
+    pub(crate) fn encode(&self, linear: f32, threshold: f32) -> u8 {
         // By way of i32, which every machine converts to in one step.
         let part = (linear * PARTS as f32) as i32;
-        let first = usize::from(tables.first[part as usize]);
-        let below = first + usize::from(tables.linear[first + 1] <= linear);
-        let (low, high) = (tables.linear[below], tables.linear[below + 1]);
-        *byte = (below + usize::from(linear - low >= threshold * (high - low))) as u8;
+        let first = usize::from(self.first[part as usize]);
+        let below = first + usize::from(self.linear[first + 1] <= linear);
+        let (low, high) = (self.linear[below], self.linear[below + 1]);
+        (below + usize::from(linear - low >= threshold * (high - low))) as u8
     }
-    bytes
 }
 
 #[cfg(test)]

@@ -346,9 +346,14 @@ fn odd_frames_still_give_whole_pictures() {
         ..triangle.clone()
     };
     for frame in [triangle, nothing, wild_normals] {
-        for &view in View::ALL {
+        let qualities = [Quality::default(), Quality::Preview];
+        let all = View::ALL
+            .iter()
+            .flat_map(|view| qualities.map(|quality| (*view, quality)));
+        for (view, quality) in all {
             let options = RenderOptions {
                 view,
+                quality,
                 width: 24,
                 height: 17,
                 ..options()
@@ -361,7 +366,7 @@ fn odd_frames_still_give_whole_pictures() {
                     .iter()
                     .flatten()
                     .all(|x| x.is_finite() && *x >= 0.0),
-                "{view}"
+                "{view}, {quality}"
             );
         }
     }

@@ -6,16 +6,22 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Vertices whose sums one task turns into unit vectors.
-const CHUNK: usize = 4096;
+/// Triangles that one task looks at, and vertices whose sums one turns into unit vectors.
+const CHUNK: usize = 2048;
 
 /// One unit normal a vertex, on the side from which triangles appear
 /// counter-clockwise. Zero for vertices that no proper triangle uses.
 pub fn vertex_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    let of_triangle = |triangle: &[u32; 3]| {
+        contributions(triangle.map(|vertex| Vec3::from(positions[vertex as usize])))
+    };
+    let contributions: Vec<[Vec3; 3]> = (triangles.par_iter().with_min_len(CHUNK))
+        .map(of_triangle)
+        .collect();
+    // One after the other: sums depend on the order.
     let mut sums = vec![Vec3::ZERO; positions.len()];
-    for triangle in triangles {
-        let corners = triangle.map(|vertex| Vec3::from(positions[vertex as usize]));
-        for (&vertex, contribution) in triangle.iter().zip(contributions(corners)) {
+    for (triangle, contributions) in triangles.iter().zip(contributions) {
+        for (&vertex, contribution) in triangle.iter().zip(contributions) {
             sums[vertex as usize] += contribution;
         }
     }

@@ -62,7 +62,7 @@ pub use mesh::Mesh;
 pub use ray::{Hit, Ray};
 pub use sah::CostModel;
 pub use sequence::{BuildReport, BuildStage, SequenceBuilder, SplitRecord};
-pub use simd::{SimdError, SimdLevel, force_simd};
+pub use simd::{Kernel, SimdError, SimdLevel, dispatch, force_simd};
 pub use stats::TreeStats;
 pub use tracker::{Share, Tracker, Update, UpdateReport};
 pub use traverse::{RayPacket, TraversalCounts, reference};

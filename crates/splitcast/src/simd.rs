@@ -141,7 +141,8 @@ pub fn force_simd(level: Option<SimdLevel>) -> Result<(), SimdError> {
 ///
 /// `run` and everything hot below it has to be `#[inline(always)]`: only code
 /// inlined into the dispatching function is compiled with its features.
-pub(crate) trait Kernel {
+/// Vectors are those of the crate `fearless_simd`.
+pub trait Kernel {
     /// What the work gives.
     type Output;
 
@@ -152,7 +153,7 @@ pub(crate) trait Kernel {
 /// Runs `kernel` with the widest instruction set of this machine, or the one
 /// asked for. Costs an indirect call, so dispatch whole phases, not single
 /// nodes or rays.
-pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     let forced = usize::from(FORCED.load(Ordering::Relaxed));
     let level = forced
         .checked_sub(1)

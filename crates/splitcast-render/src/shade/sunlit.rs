@@ -1,5 +1,6 @@
 //! Light for previews: a ray to the middle of the sun from every visible point,
-//! all else as if it were open.
+//! all else as if it were open. For any rays, one by one: what [`preview`](crate::preview) does not
+//! do, such as many samples a pixel.
 //!
 //! Most of a picture is open ground and sky. Ground has one of two colors, and
 //! nothing of it but its haze is kept until its rays to the sun are traced.

@@ -204,10 +204,11 @@ impl<Q: Query> Kernel for Alone<'_, '_, Q> {
 }
 
 /// Keeps the nearest hit in the blocks that a descent visits.
-struct NearestTester<'q, S, Q> {
+struct NearestTester<'q, S: Simd, Q> {
     simd: S,
     blocks: &'q Blocks,
     ray: &'q Ray,
+    lanes: RayLanes<f32x8<S>>,
     errors: ErrorScale,
     nearest: Nearest,
     query: PhantomData<Q>,
@@ -226,6 +227,7 @@ impl<'q, S: Simd, Q: Query> NearestTester<'q, S, Q> {
             simd,
             blocks,
             ray,
+            lanes: RayLanes::of_ray(simd, ray),
             errors,
             nearest,
             query: PhantomData,
@@ -242,7 +244,8 @@ impl<S: Simd, Q: Query> BlockVisitor for NearestTester<'_, S, Q> {
         let triangles = TriangleLanes::of_block(simd, block);
         let errors = self.errors.of(simd, &triangles);
         let (blocks, ray) = (self.blocks, self.ray);
-        (self.nearest).test_block::<S, Q>(simd, blocks, ray, index, &triangles, &errors);
+        let passing = Passing::new(&self.lanes, &triangles, &errors);
+        (self.nearest).test_block::<S, Q>(simd, blocks, ray, index, &passing, &errors);
         if Q::ANY && self.nearest.is_hit() {
             return ControlFlow::Break(());
         }

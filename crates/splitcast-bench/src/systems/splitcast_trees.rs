@@ -6,7 +6,7 @@ use super::Catalog;
 use crate::rays::RaySetKind;
 use crate::system::{CatalogEntry, FrameMesh, HitChunk, RayChunk, System, SystemError, Tracer};
 
-/// Rays of a slice: a chunk, whose hits fit in the second-level cache.
+/// The most rays of a slice: a chunk, whose hits fit in the second-level cache.
 const SLICE: usize = 4096;
 
 /// The mode in which rays are traced one by one.
@@ -62,9 +62,13 @@ impl Tracer for KdTree<'_> {
         for (index, rays) in rays.rays.chunks(SLICE).enumerate() {
             let slice = &mut slice[..rays.len()];
             KdTree::closest_hits(self, rays, slice);
-            for (place, hit) in (index * SLICE..).zip(slice) {
-                let hit = hit.map(|hit| (hit.t, hit.triangle));
-                (hits.t[place], hits.triangle[place]) = hit.unwrap_or((f32::INFINITY, u32::MAX));
+            let places = index * SLICE..index * SLICE + rays.len();
+            let (t, triangle) = (&mut hits.t[places.clone()], &mut hits.triangle[places]);
+            for ((hit, t), triangle) in slice.iter().zip(t).zip(triangle) {
+                (*t, *triangle) = match hit {
+                    Some(hit) => (hit.t, hit.triangle),
+                    None => (f32::INFINITY, u32::MAX),
+                };
             }
         }
     }

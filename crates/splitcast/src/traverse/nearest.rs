@@ -5,7 +5,7 @@ use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 
 use super::complete;
-use super::lanes::{ErrorLanes, Passing, RayLanes, TriangleLanes};
+use super::lanes::{ErrorLanes, Passing};
 use super::triangle::{Crossing, ShearedRay, unit_normal};
 use crate::wide::{Blocks, LANES};
 use crate::{Hit, Ray};
@@ -83,7 +83,7 @@ impl Nearest {
         };
     }
 
-    /// Tests the ray against the triangles of the block of an index.
+    /// Takes what the ray hits of the triangles of a block, given the block's index and how the ray passes them.
     #[inline(always)]
     pub(super) fn test_block<S: Simd, Q: Query>(
         &mut self,
@@ -91,10 +91,9 @@ impl Nearest {
         blocks: &Blocks,
         ray: &Ray,
         index: usize,
-        triangles: &TriangleLanes<f32x8<S>>,
+        passing: &Passing<S, f32x8<S>>,
         errors: &ErrorLanes<f32x8<S>>,
     ) {
-        let passing = Passing::new(&RayLanes::of_ray(simd, ray), triangles, errors);
         if passing.missed.all_true() {
             return;
         }

@@ -16,7 +16,7 @@ use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
 use super::completion;
 use super::descend::{FARTHEST, ORDINARY, SLOWEST, SlabLanes, Stack, slack};
 use super::lanes::{
-    ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of, length_bound,
+    ErrorLanes, ErrorScale, OriginLanes, Passing, RayLanes, TriangleLanes, boxes_of, length_bound,
 };
 use super::nearest::{NONE, Nearest, Query};
 use super::triangle::ShearedRay;
@@ -34,7 +34,7 @@ const GROUPS: usize = 4;
 pub(super) const PACKET: usize = GROUP * GROUPS;
 
 /// Directions of a group differ by no more than this share of their length on any axis,
-const WIDEST_TURN: f32 = 0.4;
+const WIDEST_TURN: f32 = 0.05;
 
 /// and its origins by no more than this share of the tree's size: beyond, rays share too little of
 /// their way.
@@ -92,6 +92,8 @@ struct Way<S: Simd> {
     /// The highest distance that is of interest to any ray of each group.
     t_max: [f32; GROUPS],
     errors: ErrorScale,
+    /// Where all rays start, if that is one point.
+    origin: Option<[f32; 3]>,
 }
 
 /// A packet under way.
@@ -124,50 +126,50 @@ impl<'q> Packet<'q> {
         rays: &'q [Ray],
     ) -> u32 {
         let bounds = tree.bounds();
-        let count = rays.len().div_ceil(GROUP);
-        self.rays = rays;
-        for (group, rays) in self.groups.iter_mut().zip(rays.chunks(GROUP)) {
-            group.read(simd, rays);
-        }
-        for group in &mut self.groups[count..] {
-            *group = Group::NOBODY;
-        }
-        let all = Intervals::of(simd, &self.groups[..count]);
-        let everything = (1 << count) - 1;
-        if all.is_none() {
-            return everything;
+        let mut intervals = [Intervals::NONE; GROUPS];
+        let mut all = Intervals::NONE;
+        for (own, group) in intervals.iter_mut().zip(rays.chunks(GROUP)) {
+            *own = Intervals::of(simd, group);
+            all.join(own);
         }
         // Most packets that miss the mesh are seen to as a whole.
         if all.are_narrow(&bounds) {
             let slabs = all.slabs(simd, &bounds);
             let root = &tree.wide().nodes()[tree.wide().root() as usize];
             if slabs.meet(simd, &root.bounds, f32::INFINITY).1 == 0 {
-                return everything;
+                for group in &mut self.groups {
+                    group.place = [NONE; GROUP];
+                }
+                return (1 << rays.len().div_ceil(GROUP)) - 1;
             }
         }
         let mut traced = 0;
+        let mut narrow = Intervals::NONE;
+        for (k, own) in intervals.iter().enumerate() {
+            if own.are_narrow(&bounds) {
+                traced |= 1 << k;
+                narrow.join(own);
+            }
+        }
+        if traced == 0 {
+            return 0;
+        }
         let mut way = Way {
             slabs: [SlabLanes::nowhere(simd); GROUPS],
             t_max: [f32::NEG_INFINITY; GROUPS],
-            errors: all.errors(&bounds),
+            errors: narrow.errors(&bounds),
+            origin: (narrow.origins.min == narrow.origins.max).then_some(narrow.origins.min),
         };
-        let mut meeting = 0;
-        for k in 0..count {
-            let intervals = Intervals::of(simd, &self.groups[k..k + 1]);
-            if intervals.is_none() {
-                traced |= 1 << k;
-            } else if intervals.are_narrow(&bounds) {
-                traced |= 1 << k;
-                meeting |= 1 << k;
-                way.slabs[k] = intervals.slabs(simd, &bounds);
+        self.rays = rays;
+        self.slack = narrow.slack(&bounds);
+        for (k, rays) in rays.chunks(GROUP).enumerate() {
+            if traced >> k & 1 != 0 {
+                self.groups[k].read(simd, rays);
+                way.slabs[k] = intervals[k].slabs(simd, &bounds);
                 way.t_max[k] = self.groups[k].t_max(simd);
-                self.groups[k].find_inverses(simd);
             }
         }
-        if meeting != 0 {
-            self.slack = all.slack(&bounds);
-            self.descend::<S, Q>(simd, tree.wide(), &mut way, meeting);
-        }
+        self.descend::<S, Q>(simd, tree.wide(), &mut way, traced);
         traced
     }
 
@@ -286,58 +288,81 @@ impl<'q> Packet<'q> {
         index: usize,
         (bounds, lane): (&[[f32; LANES]; 6], usize),
         way: &mut Way<S>,
-        mut by: u32,
+        by: u32,
     ) {
+        let mut rays = [0; GROUPS];
+        let mut any = 0;
+        for k in 0..GROUPS {
+            if by >> k & 1 != 0 {
+                rays[k] = self.groups[k].meet(simd, bounds, lane, self.slack);
+                any |= rays[k];
+            }
+        }
+        if any == 0 {
+            return;
+        }
         let block = self.blocks.get(index);
         let triangles = TriangleLanes::of_block(simd, block);
         let errors = way.errors.of(simd, &triangles);
-        while by != 0 {
-            let k = by.trailing_zeros() as usize % GROUPS;
-            by &= by - 1;
-            let mut rays = self.groups[k].meet(simd, bounds, lane, self.slack);
-            if rays == 0 {
-                continue;
-            }
+        let of_origin = way
+            .origin
+            .map(|origin| OriginLanes::new(simd, origin, &triangles));
+        for k in 0..GROUPS {
+            let mut rays = rays[k];
             if rays.count_ones() > SINGLY {
                 let boxes = boxes_of(simd, block);
                 let rows = errors.rows();
+                let of_origin = of_origin.map(|triangles| triangles.rows());
                 let mut candidates = way.slabs[k].meet(simd, &boxes, way.t_max[k]).1;
                 while candidates != 0 {
                     let lane = candidates.trailing_zeros() as usize % LANES;
                     candidates &= candidates - 1;
                     let errors = ErrorLanes::of_row(simd, &rows, lane);
-                    self.test_group::<S, Q>(simd, k, (index, lane), &errors);
+                    let lines = self.groups[k].lines(simd);
+                    let passing = match &of_origin {
+                        Some(rows) => {
+                            let triangle = OriginLanes::of_row(simd, rows, lane);
+                            Passing::from_origin(&lines.direction, &triangle, &errors)
+                        }
+                        None => {
+                            let triangle = TriangleLanes::of_lane(simd, block, lane);
+                            Passing::new(&lines, &triangle, &errors)
+                        }
+                    };
+                    self.test_group::<S, Q>(simd, k, (index, lane), &passing, &errors);
                 }
             } else {
                 while rays != 0 {
                     let ray = rays.trailing_zeros() as usize % GROUP;
                     rays &= rays - 1;
-                    self.test_ray::<S, Q>(simd, (k, ray), index, &triangles, &errors);
+                    let line = RayLanes::of_ray(simd, &self.rays[k * GROUP + ray]);
+                    let passing = match &of_origin {
+                        Some(triangles) => {
+                            Passing::from_origin(&line.direction, triangles, &errors)
+                        }
+                        None => Passing::new(&line, &triangles, &errors),
+                    };
+                    self.test_ray::<S, Q>(simd, (k, ray), index, &passing, &errors);
                 }
             }
             way.t_max[k] = self.groups[k].t_max(simd);
         }
     }
 
-    /// Tests the rays of a group against one triangle of a block.
+    /// Tests the rays of a group against one triangle of a block, given how they pass it.
     #[inline(always)]
     fn test_group<S: Simd, Q: Query>(
         &mut self,
         simd: S,
         group: usize,
         (index, lane): (usize, usize),
+        passing: &Passing<S, f32x16<S>>,
         errors: &ErrorLanes<f32x16<S>>,
     ) {
-        let rays = &self.groups[group];
-        let lanes = RayLanes {
-            origin: points(simd, &rays.origin),
-            direction: points(simd, &rays.direction),
-        };
-        let corners = TriangleLanes::of_lane(simd, self.blocks.get(index), lane);
-        let passing = Passing::new(&lanes, &corners, errors);
         if passing.missed.all_true() {
             return;
         }
+        let rays = &self.groups[group];
         let distance = passing.distance(simd, errors);
         let (t_min, low, high) = (
             rays.t_min.lanes(simd),
@@ -375,12 +400,12 @@ impl<'q> Packet<'q> {
         simd: S,
         (group, lane): (usize, usize),
         index: usize,
-        triangles: &TriangleLanes<f32x8<S>>,
+        passing: &Passing<S, f32x8<S>>,
         errors: &ErrorLanes<f32x8<S>>,
     ) {
         let ray = &self.rays[group * GROUP + lane];
         let mut nearest = self.groups[group].nearest(lane);
-        nearest.test_block::<S, Q>(simd, self.blocks, ray, index, triangles, errors);
+        nearest.test_block::<S, Q>(simd, self.blocks, ray, index, passing, errors);
         self.groups[group].set_nearest(lane, nearest);
     }
 
@@ -456,6 +481,7 @@ impl Group {
         self.high = Numbers(t_max.into());
         self.low = self.high;
         self.place = [NONE; GROUP];
+        self.find_inverses(simd);
     }
 
     /// Prepares to [`meet`](Self::meet) boxes.
@@ -468,6 +494,14 @@ impl Group {
             let inverse = f32x16::splat(simd, 1.0) / along.abs().max(slowest).copysign(along);
             self.inverse[axis] = Numbers(inverse.into());
             self.offset[axis] = Numbers((self.origin[axis].lanes(simd) * inverse).into());
+        }
+    }
+
+    #[inline(always)]
+    fn lines<S: Simd>(&self, simd: S) -> RayLanes<f32x16<S>> {
+        RayLanes {
+            origin: points(simd, &self.origin),
+            direction: points(simd, &self.direction),
         }
     }
 
@@ -565,23 +599,6 @@ pub(super) fn are_alike(tree: &KdTree<'_>, rays: &[Ray]) -> bool {
     intervals.are_narrow(&tree.bounds())
 }
 
-/// Whether no group of up to [`PACKET`] rays goes as one: a guess by a few of each.
-#[inline(always)]
-pub(super) fn are_unlike(rays: &[Ray]) -> bool {
-    rays.chunks(GROUP).all(|group| {
-        let first = group[0].direction;
-        let length = upper(upper(first[0].abs(), first[1].abs()), first[2].abs());
-        let others = group.iter().skip(GROUP / 4 - 1).step_by(GROUP / 4);
-        let mut turn = 0.0;
-        for ray in others {
-            for axis in 0..3 {
-                turn = upper(turn, (ray.direction[axis] - first[axis]).abs());
-            }
-        }
-        turn > WIDEST_TURN * 1.8 * length
-    })
-}
-
 impl Intervals {
     /// The ranges of no rays.
     const NONE: Self = Self {
@@ -590,41 +607,49 @@ impl Intervals {
         t_min: f32::INFINITY,
     };
 
-    /// The ranges of the rays of some groups that look for something.
+    /// The ranges of some rays; far from [narrow](Self::are_narrow) if any is not a number.
     #[inline(always)]
-    fn of<S: Simd>(simd: S, groups: &[Group]) -> Self {
-        let (most, least) = (
-            f32x16::splat(simd, f32::INFINITY),
-            f32x16::splat(simd, f32::NEG_INFINITY),
-        );
-        let mut lowest = [most; 7];
-        let mut highest = [least; 6];
-        for group in groups {
-            let active = group.high.lanes(simd).simd_gt(least);
-            for axis in 0..3 {
-                let origin = group.origin[axis].lanes(simd);
-                let direction = group.direction[axis].lanes(simd);
-                lowest[axis] = lowest[axis].min(active.select(origin, most));
-                highest[axis] = highest[axis].max(active.select(origin, least));
-                lowest[3 + axis] = lowest[3 + axis].min(active.select(direction, most));
-                highest[3 + axis] = highest[3 + axis].max(active.select(direction, least));
-            }
-            lowest[6] = lowest[6].min(active.select(group.t_min.lanes(simd), most));
+    fn of<S: Simd>(simd: S, rays: &[Ray]) -> Self {
+        let mut lowest = f32x8::splat(simd, f32::INFINITY);
+        let mut highest = f32x8::splat(simd, f32::NEG_INFINITY);
+        let mut sum = f32x8::splat(simd, 0.0);
+        for ray in rays {
+            let ([x, y, z], [u, v, w]) = (ray.origin, ray.direction);
+            let row = f32x8::simd_from(simd, [x, y, z, u, v, w, ray.t_min, ray.t_max]);
+            lowest = row.min(lowest);
+            highest = row.max(highest);
+            sum += row;
         }
-        let mut intervals = Self::NONE;
-        for axis in 0..3 {
-            intervals.origins.min[axis] = lowest[axis].reduce_min();
-            intervals.origins.max[axis] = highest[axis].reduce_max();
-            intervals.directions.min[axis] = lowest[3 + axis].reduce_min();
-            intervals.directions.max[axis] = highest[3 + axis].reduce_max();
+        // Of what is not a number, neither minimum nor maximum need know.
+        if sum.simd_eq(sum).to_bitmask() & 0x7f != 0x7f {
+            return Self {
+                directions: Aabb::EVERYTHING,
+                ..Self::NONE
+            };
         }
-        intervals.t_min = lowest[6].reduce_min();
-        intervals
+        let ([a, b, c, d, e, f, t_min, _], [g, h, i, j, k, l, ..]): ([f32; 8], [f32; 8]) =
+            (lowest.into(), highest.into());
+        let aabb = |min, max| Aabb { min, max };
+        Self {
+            origins: aabb([a, b, c], [g, h, i]),
+            directions: aabb([d, e, f], [j, k, l]),
+            t_min,
+        }
     }
 
+    /// The ranges of these rays and others.
     #[inline(always)]
-    fn is_none(&self) -> bool {
-        self.origins.min[0] > self.origins.max[0]
+    fn join(&mut self, other: &Self) {
+        for (own, other) in [
+            (&mut self.origins, &other.origins),
+            (&mut self.directions, &other.directions),
+        ] {
+            for axis in 0..3 {
+                own.min[axis] = lower(own.min[axis], other.min[axis]);
+                own.max[axis] = upper(own.max[axis], other.max[axis]);
+            }
+        }
+        self.t_min = lower(self.t_min, other.t_min);
     }
 
     /// Whether rays are alike enough to share a descent through a tree of such bounds.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::Alone;
 use super::nearest::{AnyHits, ClosestHits};
-use super::packet::{GROUP, PACKET, Packet, are_unlike};
+use super::packet::{GROUP, PACKET, Packet};
 use super::stream::Streams;
 use crate::simd::{Kernel, dispatch};
 use crate::{Hit, KdTree, Ray};
@@ -74,10 +74,7 @@ impl Kernel for ClosestOfAll<'_, '_> {
         let mut packet = Packet::new(tree);
         let mut streams = None;
         for (start, packed) in (0..).step_by(PACKET).zip(rays.chunks(PACKET)) {
-            let traced = match are_unlike(packed) {
-                true => 0,
-                false => packet.trace::<S, ClosestHits>(simd, tree, packed),
-            };
+            let traced = packet.trace::<S, ClosestHits>(simd, tree, packed);
             for (index, group) in packed.chunks(GROUP).enumerate() {
                 let start = start + index * GROUP;
                 let places = start..start + group.len();
@@ -121,10 +118,7 @@ impl Kernel for AnyOfAll<'_, '_> {
         let mut packet = Packet::new(tree);
         let mut streams = None;
         for (start, packed) in (0..).step_by(PACKET).zip(rays.chunks(PACKET)) {
-            let traced = match are_unlike(packed) {
-                true => 0,
-                false => packet.trace::<S, AnyHits>(simd, tree, packed),
-            };
+            let traced = packet.trace::<S, AnyHits>(simd, tree, packed);
             for (index, group) in packed.chunks(GROUP).enumerate() {
                 let start = index * GROUP + start;
                 for place in start..start + group.len() {

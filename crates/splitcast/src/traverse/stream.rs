@@ -12,15 +12,15 @@
 use std::ops::RangeInclusive;
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x8, f32x16, u8x16};
+use fearless_simd::{f32x4, f32x8, f32x16, u8x16};
 
 use super::completion;
 use super::descend::{ORDINARY, SLOWEST, Slabs, descend, slack};
-use super::lanes::{ErrorScale, TriangleLanes, length_bound};
+use super::lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
 use super::nearest::{AnyHits, ClosestHits, NONE, Nearest, Query, exact_hit};
 use super::packet::GROUP;
 use super::{NearestTester, triangle};
-use crate::aabb::{lower, upper};
+use crate::aabb::upper;
 use crate::prefetch::prefetch;
 use crate::wide::{Blocks, LANES, WideNode, WideTree};
 use crate::{Aabb, Hit, KdTree, Ray};
@@ -37,7 +37,7 @@ const ORDINARY_SIZES: RangeInclusive<f32> = 1e-20..=1e12;
 const FARTHEST_SIZES: f32 = 64.0;
 
 /// Rays that a node is looked at for together, at least; fewer go on alone, each in its own order.
-const FEWEST: usize = 3;
+const FEWEST: usize = 4;
 
 /// Rays that are handed on to children at once: what fills a 64-bit register.
 const STEP: usize = 8;
@@ -211,7 +211,7 @@ impl<'q, 'm> Streams<'q, 'm> {
         let numbers = &self.waiting[kind][..self.counts[kind]];
         self.counts[kind] = 0;
         let tree = self.tree;
-        let way = self.stream.read(self.rays, numbers, &tree.bounds());
+        let way = self.stream.read(simd, self.rays, numbers, &tree.bounds());
         self.stream
             .descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
         let axis = kind / 8;
@@ -330,29 +330,42 @@ impl StreamQuery for ClosestHits {
 impl Stream {
     /// Takes up rays, given by their numbers.
     #[inline(always)]
-    fn read(&mut self, rays: &[Ray], numbers: &[u32], bounds: &Aabb) -> Way {
-        let mut origins = Aabb::EMPTY;
-        let mut longest = [0.0f32; 3];
-        let mut sum = [0.0f32; 3];
-        for (k, &number) in numbers.iter().enumerate() {
+    fn read<S: Simd>(&mut self, simd: S, rays: &[Ray], numbers: &[u32], bounds: &Aabb) -> Way {
+        let zero = f32x4::splat(simd, 0.0);
+        let mut lowest = f32x4::splat(simd, f32::INFINITY);
+        let mut highest = f32x4::splat(simd, f32::NEG_INFINITY);
+        let (mut longest, mut sum) = (zero, zero);
+        for ((own, place), &number) in
+            (self.members.rays.iter_mut().zip(&mut self.members.places)).zip(numbers)
+        {
             let ray = rays[number as usize];
-            let [x, y, z] = ray.direction.map(f32::abs);
-            let slowest = upper(upper(x, y), z) * SLOWEST;
-            let own = &mut self.members.rays[k % STREAM];
-            own.ray = ray;
-            for axis in 0..3 {
-                let along = ray.direction[axis];
-                let origin = ray.origin[axis];
-                own.inverse[axis] = upper(along.abs(), slowest).copysign(along).recip();
-                own.offset[axis] = origin * own.inverse[axis];
-                origins.min[axis] = lower(origins.min[axis], origin);
-                origins.max[axis] = upper(origins.max[axis], origin);
-                longest[axis] = upper(longest[axis], along.abs());
-                sum[axis] += along;
-            }
-            (own.low, own.high) = (ray.t_max, ray.t_max);
-            self.members.places[k % STREAM] = NONE;
+            let ([x, y, z], [u, v, w]) = (ray.origin, ray.direction);
+            let origin = f32x4::simd_from(simd, [x, y, z, 0.0]);
+            let along = f32x4::simd_from(simd, [u, v, w, 0.0]);
+            let slowest = upper(upper(u.abs(), v.abs()), w.abs()) * SLOWEST;
+            let inverse = f32x4::splat(simd, 1.0) / along.abs().max(slowest).copysign(along);
+            let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) =
+                (inverse.into(), (origin * inverse).into());
+            *own = StreamRay {
+                ray,
+                inverse: [a, b, c],
+                offset: [d, e, f],
+                low: ray.t_max,
+                high: ray.t_max,
+            };
+            *place = NONE;
+            lowest = lowest.min(origin);
+            highest = highest.max(origin);
+            longest = longest.max(along.abs());
+            sum += along;
         }
+        let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (lowest.into(), highest.into());
+        let ([g, h, i, _], [j, k, l, _]): ([f32; 4], [f32; 4]) = (longest.into(), sum.into());
+        let origins = Aabb {
+            min: [a, b, c],
+            max: [d, e, f],
+        };
+        let (longest, sum) = ([g, h, i], [j, k, l]);
         let first = rays[numbers[0] as usize].direction;
         let row = |axis: usize| 2 * axis + usize::from(first[axis].is_sign_negative());
         let reach = upper(bounds.reach(origins.min), bounds.reach(origins.max));
@@ -571,7 +584,8 @@ impl Members {
                 high: own.high,
                 place: *place,
             };
-            nearest.test_block::<S, Q>(simd, blocks, &own.ray, index, &triangles, &errors);
+            let passing = Passing::new(&RayLanes::of_ray(simd, &own.ray), &triangles, &errors);
+            nearest.test_block::<S, Q>(simd, blocks, &own.ray, index, &passing, &errors);
             (own.low, own.high, *place) = (nearest.low, nearest.high, nearest.place);
         }
     }

@@ -15,8 +15,8 @@ const GROUP: usize = 16;
 /// Around the numbers of rays that are traced together.
 const SHORT: [usize; 8] = [0, 1, 15, 16, 17, 63, 64, 65];
 
-/// More than one task, and more than several threads' worth.
-const LONG: [usize; 2] = [1000, 3000];
+/// Some rays of every kind of stream, more of each than a stream holds, and more than several threads' tasks.
+const LONG: [usize; 3] = [1000, 3000, 20_000];
 
 /// Numbers of threads that share a long slice.
 const THREADS: [usize; 2] = [1, 3];

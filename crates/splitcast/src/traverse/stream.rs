@@ -415,7 +415,8 @@ impl Stream {
             let (above, below) = self.lists.split_at_mut(depth + 1);
             let list = &above[depth][waiting.lane as usize % LANES];
             let count = (waiting.count as usize).min(STREAM);
-            if count < FEWEST {
+            let node = &nodes[waiting.node as usize];
+            if count < FEWEST && !node.is_leaf() {
                 for &number in &list[..count] {
                     self.members
                         .go_alone::<S, Q>(simd, wide, way, waiting.node, number);
@@ -423,7 +424,6 @@ impl Stream {
                 continue;
             }
             let lists = &mut below[0];
-            let node = &nodes[waiting.node as usize];
             let union = {
                 let enter = [
                     row(simd, node, x) - slack[0],
@@ -444,6 +444,33 @@ impl Stream {
                 union
             };
             if union == 0 {
+                continue;
+            }
+            if count < FEWEST {
+                // Few rays at a leaf need neither lists nor an order.
+                let mut rest = union;
+                while rest != 0 {
+                    let lane = rest.trailing_zeros() as usize;
+                    rest &= rest - 1;
+                    prefetch(wide.block(node.blocks(lane).start));
+                }
+                for (place, number) in list[..count].iter().enumerate() {
+                    let mut met = self.met[place];
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize;
+                        met &= met - 1;
+                        for block in node.blocks(lane) {
+                            let list = std::slice::from_ref(number);
+                            self.members.visit::<S, Q>(
+                                simd,
+                                &wide.blocks,
+                                block,
+                                &way.errors,
+                                list,
+                            );
+                        }
+                    }
+                }
                 continue;
             }
             self.met[count..count + STEP].fill(0);

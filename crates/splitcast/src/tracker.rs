@@ -63,7 +63,7 @@ pub struct UpdateReport {
     pub sah_cost: f64,
     /// By what factor the tree is taken to be worse than a new one, predicted from how far blocks
     /// and leaves have grown, and what that meant when all was last built anew; 1 if nothing is
-    /// known. Above 1.1 all is built anew.
+    /// known. Above 1.08 all is built anew.
     pub sah_ratio: f64,
     /// How much the mesh differs from what was predicted of it, on each level of the tree.
     pub innovation: Innovation,

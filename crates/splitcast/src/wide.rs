@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-pub(crate) use collapse::{Inner, collapse, contents};
+pub(crate) use collapse::{Inner, collapse, contents, leaf_contents};
 use leaf::LeafMemory;
 
 use crate::kd_tree::{Node, NodeKind};
@@ -217,7 +217,7 @@ impl WideTree {
     /// Makes the wide form of a kd-tree, on all threads.
     pub(crate) fn new(mesh: Mesh<'_>, cells: Cells, nodes: &[Node], references: &[u32]) -> Self {
         let (leaves, blocks) = wide_leaves(mesh, cells, nodes, references);
-        let inner = collapse(nodes, &leaves);
+        let inner = collapse(nodes, &leaf_contents(&leaves));
         Self::assemble(leaves, inner, blocks)
     }
 

@@ -12,7 +12,9 @@ use super::regions::Region;
 use super::{Reference, Triangles};
 use crate::kd_tree::{Listing, Node, NodeKind, Storage};
 use crate::wide::refit::{refit_blocks, triangle_areas};
-use crate::wide::{Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree, collapse, wide_leaves};
+use crate::wide::{
+    Block, Blocks, CHUNK, Cells, LANES, WideNode, WideTree, collapse, leaf_contents, wide_leaves,
+};
 use crate::{Aabb, Mesh};
 
 /// Triangles of a leaf whose blocks fill a wide node.
@@ -20,6 +22,9 @@ const FULL_LEAF: usize = LANES * LANES;
 
 /// One of so many blocks is looked at to tell what has become of all.
 const SAMPLE_STRIDE: usize = 64;
+
+/// Blocks of this sample that one task looks at.
+const SAMPLE_TASK: usize = 64;
 
 /// What a tracker knows of its tree's blocks, each by its index.
 #[derive(Clone, Debug, Default)]
@@ -104,13 +109,19 @@ fn formed(triangles: &Triangles<'_>) -> Storage {
     let subtree = object_split::sort(&mut references, FULL_LEAF);
     let (nodes, members) = (subtree.nodes(), subtree.references());
     let (leaves, blocks) = wide_leaves(triangles.mesh(), Cells::Overlapping, nodes, members);
-    tree_of_blocks(nodes, leaves, blocks)
+    let contents = leaf_contents(&leaves);
+    tree_of_blocks(nodes, leaves, &contents, blocks)
 }
 
-/// The tree of `nodes` above wide leaves with a block a lane.
-pub(super) fn tree_of_blocks(nodes: &[Node], leaves: Vec<WideNode>, blocks: Blocks) -> Storage {
+/// The tree of `nodes` above wide leaves with a block a lane, given the boxes around what is in these.
+pub(super) fn tree_of_blocks(
+    nodes: &[Node],
+    leaves: Vec<WideNode>,
+    contents: &[Aabb],
+    blocks: Blocks,
+) -> Storage {
     let (inner, (nodes, members)) =
-        rayon::join(|| collapse(nodes, &leaves), || listed(nodes, &leaves));
+        rayon::join(|| collapse(nodes, contents), || listed(nodes, &leaves));
     Storage {
         nodes,
         members,
@@ -194,16 +205,25 @@ impl Clusters {
         self.formed[index] * self.areas[index]
     }
 
-    /// That of all blocks.
-    pub(super) fn expected_of_all(&self) -> f32 {
-        let in_use = (0..self.boxes.len()).filter(|&index| self.is_in_use(index));
-        in_use.map(|index| self.expected(index)).sum()
-    }
-
-    /// Half the areas of all triangles' boxes, added up.
-    pub(super) fn triangle_area(&self) -> f32 {
-        let in_use = (0..self.boxes.len()).filter(|&index| self.is_in_use(index));
-        in_use.map(|index| self.areas[index]).sum()
+    /// What all blocks come to.
+    pub(super) fn sums(&self) -> Sums {
+        let tasks = (0..self.boxes.len().div_ceil(CHUNK)).into_par_iter();
+        let sums: Vec<Sums> = tasks
+            .map(|chunk| {
+                let end = self.boxes.len().min((chunk + 1) * CHUNK);
+                let mut sums = Sums::default();
+                for index in (chunk * CHUNK..end).filter(|&index| self.is_in_use(index)) {
+                    sums.triangles += self.areas[index];
+                    sums.expected += self.expected(index);
+                }
+                sums
+            })
+            .collect();
+        // The same for any number of threads.
+        Sums {
+            triangles: sums.iter().map(|sums| sums.triangles).sum(),
+            expected: sums.iter().map(|sums| sums.expected).sum(),
+        }
     }
 
     /// Which share of a sample of the blocks will have come apart when they are brought up to date. With
@@ -215,15 +235,21 @@ impl Clusters {
         let sample = all.filter(|(index, block)| {
             self.is_in_use(*index) && block.triangles.iter().all(|&triangle| triangle < count)
         });
-        let (indices, mut sample): (Vec<usize>, Vec<Block>) =
-            sample.map(|(index, block)| (index, *block)).unzip();
-        let mut boxes: Vec<Reference> = indices.iter().map(|&index| self.boxes[index]).collect();
-        let mut areas = vec![0.0; sample.len()];
-        refit_blocks(mesh, &mut sample, &mut boxes, &mut areas, |_| true);
-        let is_apart = |place: &usize| {
-            boxes[*place].bounds().half_area() > self.formed[indices[*place]] * areas[*place]
-        };
-        let apart = (0..sample.len()).filter(is_apart).count();
+        let sample: Vec<(usize, &Block)> = sample.collect();
+        let apart: usize = sample
+            .par_chunks(SAMPLE_TASK)
+            .map(|sample| {
+                let mut blocks: Vec<Block> = sample.iter().map(|(_, block)| **block).collect();
+                let boxes = sample.iter().map(|&(index, _)| self.boxes[index]);
+                let mut boxes: Vec<Reference> = boxes.collect();
+                let mut areas = vec![0.0; sample.len()];
+                refit_blocks(mesh, &mut blocks, &mut boxes, &mut areas, |_| true);
+                let is_apart = |&(place, &(index, _)): &(usize, &(usize, &Block))| {
+                    boxes[place].bounds().half_area() > self.formed[index] * areas[place]
+                };
+                sample.iter().enumerate().filter(is_apart).count()
+            })
+            .sum();
         apart as f64 / sample.len().max(1) as f64
     }
 
@@ -269,8 +295,7 @@ impl Clusters {
     /// Forms blocks of triangles that are in none.
     pub(super) fn add(&mut self, mesh: Mesh<'_>, blocks: &mut Blocks, triangles: Vec<u32>) {
         self.homes.clear();
-        let formed = form_blocks(mesh, triangles);
-        self.put(blocks, formed);
+        self.put(blocks, &[form_blocks(mesh, triangles)]);
     }
 
     /// Forms the triangles of each region's blocks into new ones, which take the place of those. Gives the
@@ -282,7 +307,7 @@ impl Clusters {
         regions: &mut [Region],
     ) -> usize {
         self.homes.clear();
-        let batches: Vec<(usize, Vec<NewBlock>)> = regions
+        let (counts, batches): (Vec<usize>, Vec<Vec<NewBlock>>) = regions
             .par_iter()
             .map(|region| {
                 let old = region.blocks.iter();
@@ -290,55 +315,65 @@ impl Clusters {
                 let triangles: Vec<u32> = triangles.collect();
                 (triangles.len(), form_blocks(mesh, triangles))
             })
-            .collect();
+            .unzip();
         for &old in regions.iter().rev().flat_map(|region| &region.blocks) {
             let none = Aabb::EMPTY;
             self.boxes[old as usize] = Reference::new(none.min, none.max, old);
             self.free.push(old);
         }
-        let mut count = 0;
-        for (region, (triangles, formed)) in regions.iter_mut().zip(batches) {
-            region.sizes = leaf_sizes(&formed);
-            region.blocks = self.put(blocks, formed);
-            count += triangles;
+        let places = self.put(blocks, &batches);
+        for ((region, formed), places) in regions.iter_mut().zip(&batches).zip(places) {
+            region.sizes = leaf_sizes(formed);
+            region.blocks = places;
         }
-        count
+        counts.iter().sum()
     }
 
     /// Puts blocks where there is room, and says where.
-    fn put(&mut self, blocks: &mut Blocks, formed: Vec<NewBlock>) -> Vec<u32> {
-        let mut places = Vec::with_capacity(formed.len());
-        for NewBlock {
-            block,
-            bounds,
-            area,
-            formed,
-            ..
-        } in formed
-        {
-            let index = match self.free.pop() {
-                Some(index) => index as usize,
-                None => self.boxes.len(),
-            };
-            if index >= blocks.chunks.len() * CHUNK {
-                blocks.chunks.push(Arc::default());
-            }
-            let chunk = Arc::make_mut(&mut blocks.chunks[index / CHUNK]);
-            if index % CHUNK < chunk.len() {
-                chunk[index % CHUNK] = block;
-            } else {
-                chunk.resize(index % CHUNK + 1, block);
-            }
-            if index >= self.boxes.len() {
-                self.grow(index + 1);
-            }
-            let own = Reference::new(bounds.min, bounds.max, index as u32);
-            self.boxes[index] = own;
-            self.areas[index] = area;
-            self.sizes[index] = block.size();
-            self.formed[index] = formed;
-            places.push(index as u32);
+    fn put(&mut self, blocks: &mut Blocks, batches: &[Vec<NewBlock>]) -> Vec<Vec<u32>> {
+        let mut end = self.boxes.len();
+        let mut places = Vec::with_capacity(batches.len());
+        for batch in batches {
+            let own = batch.iter().map(|_| {
+                self.free.pop().unwrap_or_else(|| {
+                    end += 1;
+                    end as u32 - 1
+                })
+            });
+            places.push(own.collect::<Vec<u32>>());
         }
+        self.grow(end);
+        let chunks = end.div_ceil(CHUNK).max(blocks.chunks.len());
+        blocks.chunks.resize_with(chunks, Arc::default);
+        // What goes into each chunk, so that these are filled side by side.
+        let mut incoming: Vec<Vec<(usize, &NewBlock)>> = vec![Vec::new(); chunks];
+        for (&index, new) in places.iter().flatten().zip(batches.iter().flatten()) {
+            incoming[index as usize / CHUNK].push((index as usize % CHUNK, new));
+        }
+        let boxes = self.boxes.par_chunks_mut(CHUNK);
+        let areas = self.areas.par_chunks_mut(CHUNK);
+        let formed = self.formed.par_chunks_mut(CHUNK);
+        let sizes = self.sizes.par_chunks_mut(CHUNK);
+        let own = boxes.zip(areas).zip(formed.zip(sizes));
+        let chunks = blocks.chunks.par_iter_mut().zip(own).zip(&incoming);
+        chunks.for_each(|((chunk, ((boxes, areas), (formed, sizes))), incoming)| {
+            if incoming.is_empty() {
+                return;
+            }
+            let chunk = Arc::make_mut(chunk);
+            for &(place, new) in incoming {
+                if place < chunk.len() {
+                    chunk[place] = new.block;
+                } else {
+                    chunk.resize(place + 1, new.block);
+                }
+                boxes[place] =
+                    Reference::new(new.bounds.min, new.bounds.max, boxes[place].triangle);
+                areas[place] = new.area;
+                formed[place] = new.formed;
+                sizes[place] = new.block.size();
+            }
+        });
         places
     }
 
@@ -349,6 +384,15 @@ impl Clusters {
             + (self.free.capacity() + self.homes.capacity()) * size_of::<u32>()
             + self.sizes.capacity()
     }
+}
+
+/// Sums over all blocks.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Sums {
+    /// Half the areas of all triangles' boxes.
+    pub(super) triangles: f32,
+    /// [`Clusters::expected`]
+    pub(super) expected: f32,
 }
 
 /// A block that has no place yet.

@@ -11,7 +11,7 @@ use super::tracked::Amounts;
 use super::{Amount, Reference, object_split};
 use crate::kd_tree::{Node, NodeKind, Storage};
 use crate::wide::refit::{Tally, refit_inner, refit_leaves};
-use crate::wide::{Blocks, LANES, WideNode, WideTree};
+use crate::wide::{Blocks, LANES, WideNode, WideTree, leaf_contents};
 use crate::{Aabb, CostModel};
 
 /// Leaves that one task refits.
@@ -42,7 +42,8 @@ pub(super) fn sort(boxes: &[Reference], blocks: Blocks) -> (Storage, Hierarchy) 
     let in_use = boxes.iter().filter(|own| !own.is_empty());
     let mut members: Vec<Reference> = in_use.copied().collect();
     let (nodes, leaves) = into_leaves(&mut members);
-    let mut storage = tree_of_blocks(&nodes, leaves, blocks);
+    let contents = leaf_contents(&leaves);
+    let mut storage = tree_of_blocks(&nodes, leaves, &contents, blocks);
     let hierarchy = Hierarchy::new(&mut storage.wide, boxes);
     (storage, hierarchy)
 }
@@ -189,7 +190,8 @@ impl Hierarchy {
         self.tallies = in_order(&self.tallies, order, 0);
         self.spreads = in_order(&self.spreads, order, 0);
         self.seats.clear();
-        let mut storage = tree_of_blocks(subtree.nodes(), sorted, blocks);
+        let contents: Vec<Aabb> = self.contents.iter().map(Reference::bounds).collect();
+        let mut storage = tree_of_blocks(subtree.nodes(), sorted, &contents, blocks);
         self.refit_inner(&mut storage.wide);
         self.sorted = self.overhead(&storage.wide);
         storage

@@ -25,7 +25,7 @@ const PLANES: usize = 5;
 const SMALL: usize = 96;
 
 /// Nodes of more members are searched by a sample of about this many.
-const SAMPLE: usize = 1024;
+const SAMPLE: usize = 400;
 
 /// Nodes of more members have their sides sorted at the same time.
 const PARALLEL: usize = 512;
@@ -58,7 +58,8 @@ fn sort_below(references: &mut [Reference], most: usize, levels: u32) -> Subtree
         || sort_below(left, most, levels - 1),
         || sort_below(right, most, levels - 1),
     );
-    let mut writer = NodeWriter::default();
+    let nodes = 1 + left.nodes().len() + right.nodes().len();
+    let mut writer = NodeWriter::with_capacity(nodes, references.len());
     let inner = writer.open_inner(plane.axis, plane.position);
     writer.append(&left);
     writer.begin_right(inner);

@@ -17,14 +17,15 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
+
 use super::changes::MeshHashes;
 use super::clusters::{self, Clusters};
-
 use super::hierarchy::{self, Hierarchy, Touched, triangles};
 use super::regions::{Condition, Growth, Region, survey};
 use super::{BuildOptions, Triangles};
 use crate::kd_tree::{Listing, Storage};
-use crate::wide::{LANES, WideTree};
+use crate::wide::LANES;
 use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 
 /// If more than this share of the vertices may have moved, or of a sample of them, it is not looked into
@@ -34,6 +35,9 @@ const MOST_OF_THE_VERTICES: f64 = 0.6;
 /// Regions that have grown by this factor since their blocks were formed have come apart, and are formed
 /// anew.
 const APART: f32 = 2.0;
+
+/// If more than this share of the triangles has come or gone, all is built anew.
+const LARGEST_RECOUNT: f64 = 0.5;
 
 /// If more than this share of the blocks is to be formed anew, all is built anew.
 const LARGEST_CHANGE: f64 = 0.7;
@@ -48,7 +52,7 @@ const LARGEST_SHIFT: f32 = 1.03;
 
 /// A tree that is taken to be worse than a new one by this factor is built anew, but not within so many
 /// frames of the last time.
-const LARGEST_ROT: f32 = 1.1;
+const LARGEST_ROT: f32 = 1.08;
 const REST: u32 = 4;
 
 /// By which power of its wear a tree is taken to be worse, as long as nothing else is known.
@@ -306,7 +310,7 @@ impl<'m> Frame<'m> {
             nodes: storage.nodes.len(),
             references: count,
         };
-        let effort = hierarchy.costs(&storage.wide, &self.cost).sum() / clusters.triangle_area();
+        let effort = hierarchy.costs(&storage.wide, &self.cost).sum() / clusters.sums().triangles;
         let tree = TrackedTree {
             bounds: hierarchy.bounds(&storage.wide),
             triangles: count,
@@ -353,8 +357,10 @@ impl<'m> Frame<'m> {
         let marks = marks.as_deref();
         let blocks = &tree.storage.wide.blocks;
         let rotten = tree.rot.calls_for_building();
+        let recount = count.abs_diff(tree.triangles) as f64;
+        let is_another = recount > LARGEST_RECOUNT * count.max(tree.triangles) as f64;
         let is_torn = || tree.clusters.share_apart(mesh, blocks) > MOST_OF_THE_BLOCKS;
-        if self.allows_building() && (rotten || marks.is_none() && is_torn()) {
+        if self.allows_building() && (rotten || is_another || marks.is_none() && is_torn()) {
             return self.begin_again(tree, rotten);
         }
         // In place, if nobody has the last tree any more.
@@ -374,8 +380,14 @@ impl<'m> Frame<'m> {
         }
         let (storage, amounts) = self.arrange(&mut tree, storage, &touched, &mut changes);
         let work = tree.hierarchy.costs(&storage.wide, &self.cost).sum();
-        tree.rot.effort = work / tree.clusters.triangle_area();
-        tree.rot.wear = tree.wear(&storage.wide);
+        let sums = tree.clusters.sums();
+        tree.rot.effort = work / sums.triangles;
+        // By how much blocks and leaves have grown since blocks were formed.
+        let below = Growth {
+            now: tree.hierarchy.area_below(&storage.wide),
+            expected: sums.expected,
+        };
+        tree.rot.wear = below.factor();
         tree.rot.frames += 1;
         tree.bounds = tree.hierarchy.bounds(&storage.wide);
         tree.storage = Arc::new(storage);
@@ -467,7 +479,7 @@ impl<'m> Frame<'m> {
         for chosen in apart.chunks(look) {
             let own: usize = chosen.iter().map(|condition| condition.blocks).sum();
             if self.budget.allows(FORMING * own as u32 + sorting) {
-                let regions = chosen.iter();
+                let regions = chosen.par_iter();
                 let regions = regions.map(|one| Region::of(storage, one.leaves.clone()));
                 let mut regions: Vec<Region> = regions.collect();
                 let (mesh, blocks) = (self.triangles.mesh(), &mut storage.wide.blocks);
@@ -484,10 +496,12 @@ impl<'m> Frame<'m> {
                 changes.late += usize::from(!others.is_empty());
                 return true;
             }
-            for Condition { leaves, .. } in others {
+            for Condition { leaves, .. } in &others {
                 changes.sorted += triangles(&storage.wide, leaves.clone(), &tree.clusters.sizes);
-                changes.regions.push(Region::of(storage, leaves));
             }
+            let regions = others.into_par_iter();
+            let regions = regions.map(|one| Region::of(storage, one.leaves));
+            changes.regions.par_extend(regions);
         }
         true
     }
@@ -620,15 +634,6 @@ impl TrackedTree {
         } else {
             Dirty::None
         }
-    }
-
-    /// By how much blocks and leaves have grown since blocks were formed.
-    fn wear(&self, wide: &WideTree) -> f32 {
-        let below = Growth {
-            now: self.hierarchy.area_below(wide),
-            expected: self.clusters.expected_of_all(),
-        };
-        below.factor()
     }
 
     fn quality(&self, cost: &CostModel) -> Quality {

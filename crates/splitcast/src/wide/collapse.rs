@@ -1,8 +1,13 @@
 //! Inner nodes of eight children from those of two.
 
+use rayon::prelude::*;
+
 use super::{LANES, WideNode, WideTree};
 use crate::Aabb;
 use crate::kd_tree::{Node, NodeKind};
+
+/// Leaves, or inner nodes, that one task looks at.
+const TASK: usize = 64;
 
 /// What becomes of a node of the kd-tree.
 #[derive(Clone, Copy)]
@@ -22,9 +27,9 @@ pub(crate) struct Inner {
     pub(super) origins: Vec<u32>,
 }
 
-/// The inner nodes above the wide `leaves` of a kd-tree.
-pub(crate) fn collapse(nodes: &[Node], leaves: &[WideNode]) -> Inner {
-    let places = places(nodes, leaves);
+/// The inner nodes above the wide leaves of a kd-tree, given the boxes around what is in these.
+pub(crate) fn collapse(nodes: &[Node], leaf_contents: &[Aabb]) -> Inner {
+    let places = places(nodes, leaf_contents);
     let mut inner = Inner {
         nodes: Vec::new(),
         root: 0,
@@ -33,45 +38,56 @@ pub(crate) fn collapse(nodes: &[Node], leaves: &[WideNode]) -> Inner {
     if let NodeKind::Leaf { .. } = nodes[0].kind() {
         return inner;
     }
-    inner.root = leaves.len() as u32;
+    inner.root = leaf_contents.len() as u32;
     inner.nodes.push(WideNode::EMPTY);
     inner.origins.push(0);
-    let mut next = 0;
-    while next < inner.origins.len() {
-        let (children, count) = children(nodes, &places, inner.origins[next]);
-        for (lane, &child) in children[..count].iter().enumerate() {
-            let place = &places[child as usize];
-            let first = match nodes[child as usize].kind() {
-                NodeKind::Leaf { .. } => place.leaf,
-                NodeKind::Inner { .. } => {
-                    inner.origins.push(child);
-                    inner.nodes.push(WideNode::EMPTY);
-                    inner.root + inner.nodes.len() as u32 - 1
-                }
-            };
-            let node = &mut inner.nodes[next];
-            node.set_bounds(lane, &place.content);
-            node.first[lane] = first;
+    let mut level = 0..1;
+    while !level.is_empty() {
+        let origins = inner.origins[level.clone()].par_iter().with_min_len(TASK);
+        let found: Vec<([u32; LANES], usize)> = origins
+            .map(|&origin| children(nodes, &places, origin))
+            .collect();
+        for (index, (children, count)) in level.clone().zip(found) {
+            for (lane, &child) in children[..count].iter().enumerate() {
+                let place = &places[child as usize];
+                let first = match nodes[child as usize].kind() {
+                    NodeKind::Leaf { .. } => place.leaf,
+                    NodeKind::Inner { .. } => {
+                        inner.origins.push(child);
+                        inner.nodes.push(WideNode::EMPTY);
+                        inner.root + inner.nodes.len() as u32 - 1
+                    }
+                };
+                let node = &mut inner.nodes[index];
+                node.set_bounds(lane, &place.content);
+                node.first[lane] = first;
+            }
         }
-        next += 1;
+        level = level.end..inner.origins.len();
     }
     inner
 }
 
+/// The boxes around what is in leaves.
+pub(crate) fn leaf_contents(leaves: &[WideNode]) -> Vec<Aabb> {
+    let leaves = leaves.par_iter().with_min_len(TASK);
+    leaves.map(WideNode::content).collect()
+}
+
 /// The box around what rays can hit below every node of a kd-tree.
 pub(crate) fn contents(nodes: &[Node], wide: &WideTree) -> Vec<Aabb> {
-    let places = places(nodes, &wide.nodes[..wide.leaf_count()]);
+    let places = places(nodes, &leaf_contents(&wide.nodes[..wide.leaf_count()]));
     places.iter().map(|place| place.content).collect()
 }
 
 /// The content of every node, from below: children come after their parents.
-fn places(nodes: &[Node], leaves: &[WideNode]) -> Vec<Place> {
+fn places(nodes: &[Node], leaf_contents: &[Aabb]) -> Vec<Place> {
     let nothing = Place {
         content: Aabb::EMPTY,
         leaf: 0,
     };
     let mut places = vec![nothing; nodes.len()];
-    let mut leaf = leaves.len();
+    let mut leaf = leaf_contents.len();
     for (index, node) in nodes.iter().enumerate().rev() {
         places[index] = match node.kind() {
             NodeKind::Inner { right, .. } => Place {
@@ -81,7 +97,7 @@ fn places(nodes: &[Node], leaves: &[WideNode]) -> Vec<Place> {
             NodeKind::Leaf { .. } => {
                 leaf -= 1;
                 Place {
-                    content: leaves[leaf].content(),
+                    content: leaf_contents[leaf],
                     leaf: leaf as u32,
                 }
             }

@@ -19,6 +19,8 @@ const STRIDE: usize = 16;
 /// Working memory for groups of leaves.
 #[derive(Debug, Default)]
 pub(crate) struct LeafMemory {
+    /// The vertices of each triangle, read before their positions: memory answers all of them at once.
+    vertices: Vec<[u32; 3]>,
     /// Corners of each triangle; fourth numbers mean nothing, as in what follows.
     corners: Vec<[[f32; 4]; 3]>,
     /// Lowest and highest corner of each box within the leaf's cell.
@@ -133,11 +135,18 @@ impl LeafMemory {
         for side in &mut self.sides {
             side.make_room(triangles.len());
         }
-        for (first, four) in triangles.chunks(4).enumerate() {
+        self.vertices.clear();
+        for &triangle in triangles {
+            self.vertices.push(mesh.triangles()[triangle as usize]);
+        }
+        let positions = mesh.positions();
+        for (first, four) in self.vertices.chunks(4).enumerate() {
             let mut middles = [[0.0; 4]; 4];
             for (k, middle) in middles.iter_mut().enumerate() {
-                let [a, b, c] = mesh.corners(four[k.min(four.len() - 1)]);
-                let (a, b, c) = (lanes(simd, &a), lanes(simd, &b), lanes(simd, &c));
+                let [a, b, c] = four[k.min(four.len() - 1)];
+                let a = lanes(simd, &positions[a as usize]);
+                let b = lanes(simd, &positions[b as usize]);
+                let c = lanes(simd, &positions[c as usize]);
                 let min = a.min(b).min(c).max(low);
                 let max = a.max(b).max(c).min(high);
                 self.corners.push([a.into(), b.into(), c.into()]);

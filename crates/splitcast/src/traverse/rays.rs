@@ -114,8 +114,10 @@ impl<Q: SliceQuery> Kernel for Slice<'_, '_, Q> {
             ..
         } = self;
         let mut packet = Packet::new(tree);
-        let mut streams = None;
-        for (start, packed) in (0..).step_by(PACKET).zip(rays.chunks(PACKET)) {
+        let mut streams: Option<Streams<'_, '_>> = None;
+        let mut start = 0;
+        loop {
+            let packed = &rays[start..rays.len().min(start + PACKET)];
             let traced = packet.trace::<S, Q>(simd, tree, packed);
             for (index, group) in packed.chunks(GROUP).enumerate() {
                 let start = start + index * GROUP;
@@ -125,20 +127,26 @@ impl<Q: SliceQuery> Kernel for Slice<'_, '_, Q> {
                     continue;
                 }
                 for place in places {
+                    let ray = &rays[place];
                     if rays.len() >= STREAMED {
                         let streams = streams.get_or_insert_with(|| Streams::new(tree, rays));
-                        if streams.add::<S, Q>(simd, place, answers) {
+                        if streams.add(place) {
                             continue;
                         }
                     }
-                    let ray = &rays[place];
-                    let nearest = Alone::<Q>::new(tree, ray).run(simd).0;
+                    // Rare, and not worth a copy of the whole descent here.
+                    let nearest = dispatch(Alone::<Q>::new(tree, ray)).0;
                     answers[place] = Q::of_ray(tree, ray, nearest);
                 }
             }
-        }
-        if let Some(streams) = &mut streams {
-            streams.finish::<S, Q>(simd, answers);
+            start += packed.len();
+            let is_last = start == rays.len();
+            if let Some(streams) = &mut streams {
+                streams.trace::<S, Q>(simd, is_last, answers);
+            }
+            if is_last {
+                return;
+            }
         }
     }
 }

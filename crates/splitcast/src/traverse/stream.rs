@@ -18,7 +18,7 @@ use super::completion;
 use super::descend::{ORDINARY, SLOWEST, Slabs, descend, slack};
 use super::lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
 use super::nearest::{AnyHits, ClosestHits, NONE, Nearest, Query, exact_hit};
-use super::packet::GROUP;
+use super::packet::{GROUP, PACKET};
 use super::{NearestTester, triangle};
 use crate::aabb::upper;
 use crate::prefetch::prefetch;
@@ -176,54 +176,42 @@ impl<'q, 'm> Streams<'q, 'm> {
         sound.then_some(8 * axis + sign(x) + 2 * sign(y) + 4 * sign(z))
     }
 
-    /// Adds a ray by its number, unless it has to go alone. Full streams are traced, and their answers put down
-    /// where the rays are in the slice.
+    /// Adds a ray by its number, unless it has to go alone. There is room for [`PACKET`] more after every
+    /// [`trace`](Self::trace).
     #[inline(always)]
-    pub(super) fn add<S: Simd, Q: StreamQuery>(
-        &mut self,
-        simd: S,
-        ray: usize,
-        answers: &mut [Q::Answer],
-    ) -> bool {
+    pub(super) fn add(&mut self, ray: usize) -> bool {
         let Some(kind) = self.kind(&self.rays[ray]) else {
             return false;
         };
         self.waiting[kind][self.counts[kind] % STREAM] = ray as u32;
         self.counts[kind] += 1;
-        if self.counts[kind] == STREAM {
-            self.trace::<S, Q>(simd, kind, answers);
-        }
         true
     }
 
-    /// Traces all that are still waiting.
+    /// Traces streams that are nearly full, or all. Answers are put down where the rays are in the slice.
     #[inline(always)]
-    pub(super) fn finish<S: Simd, Q: StreamQuery>(&mut self, simd: S, answers: &mut [Q::Answer]) {
+    pub(super) fn trace<S: Simd, Q: StreamQuery>(
+        &mut self,
+        simd: S,
+        all: bool,
+        answers: &mut [Q::Answer],
+    ) {
+        let fewest = if all { 1 } else { STREAM - PACKET + 1 };
         for kind in 0..KINDS {
-            if self.counts[kind] > 0 {
-                self.trace::<S, Q>(simd, kind, answers);
+            if self.counts[kind] < fewest {
+                continue;
             }
+            let numbers = &self.waiting[kind][..self.counts[kind]];
+            self.counts[kind] = 0;
+            let tree = self.tree;
+            let way = self.stream.read(simd, self.rays, numbers, &tree.bounds());
+            self.stream
+                .descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
+            let axis = kind / 8;
+            let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+            let blocks = &tree.wide().blocks;
+            Q::answer(simd, &self.stream, axes, blocks, numbers, answers);
         }
-    }
-
-    #[inline(always)]
-    fn trace<S: Simd, Q: StreamQuery>(&mut self, simd: S, kind: usize, answers: &mut [Q::Answer]) {
-        let numbers = &self.waiting[kind][..self.counts[kind]];
-        self.counts[kind] = 0;
-        let tree = self.tree;
-        let way = self.stream.read(simd, self.rays, numbers, &tree.bounds());
-        self.stream
-            .descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
-        let axis = kind / 8;
-        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
-        Q::answer(
-            simd,
-            &self.stream,
-            axes,
-            &tree.wide().blocks,
-            numbers,
-            answers,
-        );
     }
 }
 

@@ -140,67 +140,6 @@ impl<S: Simd> TriangleLanes<f32x16<S>> {
     }
 }
 
-/// Triangles as seen from one origin: what is the same for all rays from there. Products are
-/// associated in another way than for rays in general, within the same bounds.
-#[derive(Clone, Copy)]
-pub(super) struct OriginLanes<V> {
-    /// The directions whose products with a ray's are the weights U and V and the determinant.
-    weights: [Point<V>; 3],
-    depth: V,
-}
-
-impl<S: Simd> OriginLanes<f32x8<S>> {
-    /// From an origin to the triangles of a block.
-    #[inline(always)]
-    pub(super) fn new(simd: S, [x, y, z]: [f32; 3], triangles: &TriangleLanes<f32x8<S>>) -> Self {
-        let TriangleLanes { corner, edges } = triangles;
-        let way = [
-            f32x8::splat(simd, x) - corner[0],
-            f32x8::splat(simd, y) - corner[1],
-            f32x8::splat(simd, z) - corner[2],
-        ];
-        let beside = cross(&way, &edges[0]);
-        Self {
-            weights: [cross(&edges[1], &way), beside, cross(&edges[1], &edges[0])],
-            depth: dot(&edges[1], &beside),
-        }
-    }
-
-    /// The numbers of each kind, lane by lane.
-    #[inline(always)]
-    pub(super) fn rows(&self) -> [[f32; LANES]; 10] {
-        let [[a, b, c], [d, e, f], [g, h, i]] = self.weights;
-        [
-            a.into(),
-            b.into(),
-            c.into(),
-            d.into(),
-            e.into(),
-            f.into(),
-            g.into(),
-            h.into(),
-            i.into(),
-            self.depth.into(),
-        ]
-    }
-}
-
-impl<S: Simd> OriginLanes<f32x16<S>> {
-    /// Those of one triangle in all lanes.
-    #[inline(always)]
-    pub(super) fn of_row(simd: S, rows: &[[f32; LANES]; 10], lane: usize) -> Self {
-        let splat = |row: usize| f32x16::splat(simd, rows[row][lane % LANES]);
-        Self {
-            weights: [
-                [splat(0), splat(1), splat(2)],
-                [splat(3), splat(4), splat(5)],
-                [splat(6), splat(7), splat(8)],
-            ],
-            depth: splat(9),
-        }
-    }
-}
-
 /// What bounds the errors for rays, whatever the triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ErrorScale {
@@ -335,27 +274,6 @@ impl<S: Simd, V: SimdFloat<S, Element = f32>> Passing<S, V> {
         let determinant = dot(&edges[0], &across);
         let u = dot(&way, &across);
         let v = dot(direction, &beside);
-        Self::of_weights([u, v, determinant], dot(&edges[1], &beside), errors)
-    }
-
-    /// The same for rays from one origin.
-    #[inline(always)]
-    pub(super) fn from_origin(
-        direction: &Point<V>,
-        triangles: &OriginLanes<V>,
-        errors: &ErrorLanes<V>,
-    ) -> Self {
-        let [u, v, determinant] = &triangles.weights;
-        let weights = [
-            dot(direction, u),
-            dot(direction, v),
-            dot(direction, determinant),
-        ];
-        Self::of_weights(weights, triangles.depth, errors)
-    }
-
-    #[inline(always)]
-    fn of_weights([u, v, determinant]: [V; 3], depth: V, errors: &ErrorLanes<V>) -> Self {
         let w = determinant - u - v;
         let (lowest, highest) = (u.min(v).min(w), u.max(v).max(w));
         let (least, most) = (-errors.weight, errors.weight);
@@ -363,7 +281,7 @@ impl<S: Simd, V: SimdFloat<S, Element = f32>> Passing<S, V> {
             missed: lowest.simd_lt(least) & highest.simd_gt(most),
             hit: lowest.simd_gt(most) | highest.simd_lt(least),
             determinant,
-            depth,
+            depth: dot(&edges[1], &beside),
         }
     }
 

@@ -16,7 +16,7 @@ use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
 use super::completion;
 use super::descend::{FARTHEST, ORDINARY, SLOWEST, SlabLanes, Stack, slack};
 use super::lanes::{
-    ErrorLanes, ErrorScale, OriginLanes, Passing, RayLanes, TriangleLanes, boxes_of, length_bound,
+    ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of, length_bound,
 };
 use super::nearest::{NONE, Nearest, Query};
 use super::triangle::ShearedRay;
@@ -92,8 +92,6 @@ struct Way<S: Simd> {
     /// The highest distance that is of interest to any ray of each group.
     t_max: [f32; GROUPS],
     errors: ErrorScale,
-    /// Where all rays start, if that is one point.
-    origin: Option<[f32; 3]>,
 }
 
 /// A packet under way.
@@ -158,7 +156,6 @@ impl<'q> Packet<'q> {
             slabs: [SlabLanes::nowhere(simd); GROUPS],
             t_max: [f32::NEG_INFINITY; GROUPS],
             errors: narrow.errors(&bounds),
-            origin: (narrow.origins.min == narrow.origins.max).then_some(narrow.origins.min),
         };
         self.rays = rays;
         self.slack = narrow.slack(&bounds);
@@ -304,31 +301,18 @@ impl<'q> Packet<'q> {
         let block = self.blocks.get(index);
         let triangles = TriangleLanes::of_block(simd, block);
         let errors = way.errors.of(simd, &triangles);
-        let of_origin = way
-            .origin
-            .map(|origin| OriginLanes::new(simd, origin, &triangles));
         for k in 0..GROUPS {
             let mut rays = rays[k];
             if rays.count_ones() > SINGLY {
                 let boxes = boxes_of(simd, block);
                 let rows = errors.rows();
-                let of_origin = of_origin.map(|triangles| triangles.rows());
                 let mut candidates = way.slabs[k].meet(simd, &boxes, way.t_max[k]).1;
                 while candidates != 0 {
                     let lane = candidates.trailing_zeros() as usize % LANES;
                     candidates &= candidates - 1;
                     let errors = ErrorLanes::of_row(simd, &rows, lane);
-                    let lines = self.groups[k].lines(simd);
-                    let passing = match &of_origin {
-                        Some(rows) => {
-                            let triangle = OriginLanes::of_row(simd, rows, lane);
-                            Passing::from_origin(&lines.direction, &triangle, &errors)
-                        }
-                        None => {
-                            let triangle = TriangleLanes::of_lane(simd, block, lane);
-                            Passing::new(&lines, &triangle, &errors)
-                        }
-                    };
+                    let triangle = TriangleLanes::of_lane(simd, block, lane);
+                    let passing = Passing::new(&self.groups[k].lines(simd), &triangle, &errors);
                     self.test_group::<S, Q>(simd, k, (index, lane), &passing, &errors);
                 }
             } else {
@@ -336,12 +320,7 @@ impl<'q> Packet<'q> {
                     let ray = rays.trailing_zeros() as usize % GROUP;
                     rays &= rays - 1;
                     let line = RayLanes::of_ray(simd, &self.rays[k * GROUP + ray]);
-                    let passing = match &of_origin {
-                        Some(triangles) => {
-                            Passing::from_origin(&line.direction, triangles, &errors)
-                        }
-                        None => Passing::new(&line, &triangles, &errors),
-                    };
+                    let passing = Passing::new(&line, &triangles, &errors);
                     self.test_ray::<S, Q>(simd, (k, ray), index, &passing, &errors);
                 }
             }

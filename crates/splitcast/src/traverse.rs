@@ -2,6 +2,7 @@
 
 mod completion;
 mod descend;
+mod intervals;
 mod lanes;
 mod nearest;
 mod packet;
@@ -105,13 +106,6 @@ impl<H: HitSink> Kernel for Trace<'_, '_, H> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> TraversalCounts {
-        self.trace(simd)
-    }
-}
-
-impl<H: HitSink> Trace<'_, '_, H> {
-    #[inline(always)]
-    fn trace<S: Simd>(self, simd: S) -> TraversalCounts {
         let Self { tree, ray, sink } = self;
         let Some(way) = Way::new(tree, ray) else {
             return TraversalCounts::default();

@@ -12,6 +12,8 @@ use std::ops::{ControlFlow, RangeInclusive};
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 
+use super::intervals::Intervals;
+use super::lanes::splat;
 use crate::aabb::{lower, upper};
 use crate::prefetch::prefetch;
 use crate::wide::{Block, LANES, WideNode, WideTree};
@@ -21,7 +23,7 @@ use crate::{Aabb, Ray};
 /// from the ray's origin to the farthest point of the tree. In units of 2⁻²⁴
 /// of the reach, a hit's `t` is off by 1 at most, the distance to a plane by 5 and
 /// [`SLOWEST`] adds less than 1; this is 16.
-pub(super) const SLACK: f32 = 1.0 / (1 << 20) as f32;
+const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 /// Components of the direction count as no smaller than this share of the
 /// largest. Keeps distances to planes finite for rays parallel to an axis, and
@@ -332,13 +334,13 @@ impl Slabs {
     /// The same in every lane.
     #[inline(always)]
     fn lanes<S: Simd>(&self, simd: S) -> SlabLanes<S> {
-        let scale = splats(simd, self.scale);
+        let scale = splat(simd, self.scale);
         let row = |axis: usize| 2 * axis + usize::from(self.scale[axis] < 0.0);
         SlabLanes {
             enter_scale: scale,
-            enter: splats(simd, self.enter),
+            enter: splat(simd, self.enter),
             leave_scale: scale,
-            leave: splats(simd, self.leave),
+            leave: splat(simd, self.leave),
             enter_rows: [row(0), row(1), row(2)],
             also_enter: None,
             t_min: f32x8::splat(simd, self.t_min),
@@ -354,15 +356,6 @@ fn finite_or_open(scale: f32, offsets: [f32; 2]) -> (f32, [f32; 2]) {
     } else {
         OPEN
     }
-}
-
-#[inline(always)]
-fn splats<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
-    [
-        f32x8::splat(simd, x),
-        f32x8::splat(simd, y),
-        f32x8::splat(simd, z),
-    ]
 }
 
 /// Where one ray, or a bundle of them, meets boxes: it enters one where
@@ -399,23 +392,21 @@ impl<S: Simd> SlabLanes<S> {
         }
     }
 
-    /// Of all rays with origins and ordinary directions in these boxes, where the first may enter and the
-    /// last may leave, at distances from `t_min`, which is not below 0. `bounds` are the tree's.
+    /// Of all rays in these intervals, which are [narrow](Intervals::are_narrow): where the first may enter and the
+    /// last may leave. `bounds` are the tree's.
     #[inline(always)]
-    pub(super) fn of_intervals(
-        simd: S,
-        origins: &Aabb,
-        directions: &Aabb,
-        t_min: f32,
-        bounds: &Aabb,
-    ) -> Self {
-        let reach = upper(bounds.reach(origins.min), bounds.reach(origins.max));
-        let slack = slack(bounds, reach);
+    pub(super) fn of_intervals(simd: S, intervals: &Intervals, bounds: &Aabb) -> Self {
+        let Intervals {
+            origins,
+            directions,
+            t_min,
+        } = intervals;
+        let slack = intervals.slack(bounds);
         let splat = |x: f32| f32x8::splat(simd, x);
         let fastest = |axis: usize| upper(directions.min[axis].abs(), directions.max[axis].abs());
         let slowest = SLOWEST * upper(upper(fastest(0), fastest(1)), fastest(2));
         let mut slabs = Self::nowhere(simd);
-        slabs.t_min = splat(t_min);
+        slabs.t_min = splat(*t_min);
         for axis in 0..3 {
             // Whoever starts nearest to a plane and is fastest gets there first.
             let (low, high) = (directions.min[axis], directions.max[axis]);

@@ -39,6 +39,15 @@ const SHORTEST: f32 = 1.0 / (1u128 << 100) as f32;
 /// A number or a point in each lane.
 type Point<V> = [V; 3];
 
+/// One point in all lanes.
+#[inline(always)]
+pub(super) fn splat<S: Simd, V: SimdFloat<S, Element = f32>>(
+    simd: S,
+    [x, y, z]: [f32; 3],
+) -> Point<V> {
+    [V::splat(simd, x), V::splat(simd, y), V::splat(simd, z)]
+}
+
 /// Rays, one a lane; or one ray in all of them.
 #[derive(Clone, Copy)]
 pub(super) struct RayLanes<V> {
@@ -50,18 +59,9 @@ impl<S: Simd> RayLanes<f32x8<S>> {
     /// One ray in all lanes.
     #[inline(always)]
     pub(super) fn of_ray(simd: S, ray: &Ray) -> Self {
-        let ([x, y, z], [u, v, w]) = (ray.origin, ray.direction);
         Self {
-            origin: [
-                f32x8::splat(simd, x),
-                f32x8::splat(simd, y),
-                f32x8::splat(simd, z),
-            ],
-            direction: [
-                f32x8::splat(simd, u),
-                f32x8::splat(simd, v),
-                f32x8::splat(simd, w),
-            ],
+            origin: splat(simd, ray.origin),
+            direction: splat(simd, ray.direction),
         }
     }
 }
@@ -122,19 +122,12 @@ impl<S: Simd> TriangleLanes<f32x16<S>> {
     /// One triangle of a block in all lanes.
     #[inline(always)]
     pub(super) fn of_lane(simd: S, block: &Block, lane: usize) -> Self {
-        let point = |[x, y, z]: [f32; 3]| {
-            [
-                f32x16::splat(simd, x),
-                f32x16::splat(simd, y),
-                f32x16::splat(simd, z),
-            ]
-        };
         let [a, b, c] = block.corners_of(lane);
         Self {
-            corner: point(a),
+            corner: splat(simd, a),
             edges: [
-                point([b[0] - a[0], b[1] - a[1], b[2] - a[2]]),
-                point([c[0] - a[0], c[1] - a[1], c[2] - a[2]]),
+                splat(simd, [b[0] - a[0], b[1] - a[1], b[2] - a[2]]),
+                splat(simd, [c[0] - a[0], c[1] - a[1], c[2] - a[2]]),
             ],
         }
     }

@@ -14,15 +14,14 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
 
 use super::completion;
-use super::descend::{FARTHEST, ORDINARY, SLOWEST, SlabLanes, Stack, slack};
-use super::lanes::{
-    ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of, length_bound,
-};
+use super::descend::{SLOWEST, SlabLanes, Stack};
+use super::intervals::{Intervals, RangeLanes};
+use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of};
 use super::nearest::{NONE, Nearest, Query};
-use super::triangle::ShearedRay;
+use super::triangle::frame_axes;
 use crate::aabb::{lower, upper};
 use crate::wide::{Blocks, LANES, WideTree};
-use crate::{Aabb, Hit, KdTree, Ray};
+use crate::{Hit, KdTree, Ray};
 
 /// Rays of a group: one a lane.
 pub(super) const GROUP: usize = 16;
@@ -32,13 +31,6 @@ const GROUPS: usize = 4;
 
 /// Rays of a packet.
 pub(super) const PACKET: usize = GROUP * GROUPS;
-
-/// Directions of a group differ by no more than this share of their length on any axis,
-const WIDEST_TURN: f32 = 0.05;
-
-/// and its origins by no more than this share of the tree's size: beyond, rays share too little of
-/// their way.
-const WIDEST_SPREAD: f32 = 0.04;
 
 /// Hits that are faster completed one by one than in lanes.
 const FEW: u32 = 3;
@@ -75,15 +67,6 @@ struct Group {
     inverse: [Numbers; 3],
     /// The origin times that.
     offset: [Numbers; 3],
-}
-
-/// The ranges of origins and directions of some rays.
-#[derive(Clone, Copy, Debug)]
-struct Intervals {
-    origins: Aabb,
-    directions: Aabb,
-    /// The lowest distance of interest.
-    t_min: f32,
 }
 
 /// How the groups of a packet meet boxes and triangles.
@@ -127,12 +110,16 @@ impl<'q> Packet<'q> {
         let mut intervals = [Intervals::NONE; GROUPS];
         let mut all = Intervals::NONE;
         for (own, group) in intervals.iter_mut().zip(rays.chunks(GROUP)) {
-            *own = Intervals::of(simd, group);
+            let mut ranges = RangeLanes::new(simd);
+            for ray in group {
+                ranges.add(simd, ray);
+            }
+            *own = ranges.intervals();
             all.join(own);
         }
         // Most packets that miss the mesh are seen to as a whole.
         if all.are_narrow(&bounds) {
-            let slabs = all.slabs(simd, &bounds);
+            let slabs = SlabLanes::of_intervals(simd, &all, &bounds);
             let root = &tree.wide().nodes()[tree.wide().root() as usize];
             if slabs.meet(simd, &root.bounds, f32::INFINITY).1 == 0 {
                 for group in &mut self.groups {
@@ -162,7 +149,7 @@ impl<'q> Packet<'q> {
         for (k, rays) in rays.chunks(GROUP).enumerate() {
             if traced >> k & 1 != 0 {
                 self.groups[k].read(simd, rays);
-                way.slabs[k] = intervals[k].slabs(simd, &bounds);
+                way.slabs[k] = SlabLanes::of_intervals(simd, &intervals[k], &bounds);
                 way.t_max[k] = self.groups[k].t_max(simd);
             }
         }
@@ -518,9 +505,9 @@ impl Group {
         let first = (x.simd_ge(y) & x.simd_ge(z)).to_bitmask() as u32;
         let second = y.simd_ge(z).to_bitmask() as u32 & !first;
         [
-            (first, [1, 2, 0]),
-            (second, [2, 0, 1]),
-            (!first & !second, [0, 1, 2]),
+            (first, frame_axes(0)),
+            (second, frame_axes(1)),
+            (!first & !second, frame_axes(2)),
         ]
         .into_iter()
         .find_map(|(set, axes)| (set & rays == rays).then_some(axes))
@@ -565,123 +552,4 @@ fn transposed<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
         ac_high.zip_low(bd_high),
         ac_high.zip_high(bd_high),
     ]
-}
-
-/// Whether rays are alike enough for [`Packet::trace`], which costs less to ask here than there.
-pub(super) fn are_alike(tree: &KdTree<'_>, rays: &[Ray]) -> bool {
-    let mut intervals = Intervals::NONE;
-    for ray in rays.iter().filter(|ray| ShearedRay::new(ray).is_some()) {
-        intervals.origins.grow(ray.origin);
-        intervals.directions.grow(ray.direction);
-        intervals.t_min = lower(intervals.t_min, ray.t_min);
-    }
-    intervals.are_narrow(&tree.bounds())
-}
-
-impl Intervals {
-    /// The ranges of no rays.
-    const NONE: Self = Self {
-        origins: Aabb::EMPTY,
-        directions: Aabb::EMPTY,
-        t_min: f32::INFINITY,
-    };
-
-    /// The ranges of some rays; far from [narrow](Self::are_narrow) if any is not a number.
-    #[inline(always)]
-    fn of<S: Simd>(simd: S, rays: &[Ray]) -> Self {
-        let mut lowest = f32x8::splat(simd, f32::INFINITY);
-        let mut highest = f32x8::splat(simd, f32::NEG_INFINITY);
-        let mut sum = f32x8::splat(simd, 0.0);
-        for ray in rays {
-            let ([x, y, z], [u, v, w]) = (ray.origin, ray.direction);
-            let row = f32x8::simd_from(simd, [x, y, z, u, v, w, ray.t_min, ray.t_max]);
-            lowest = row.min(lowest);
-            highest = row.max(highest);
-            sum += row;
-        }
-        // Of what is not a number, neither minimum nor maximum need know.
-        if sum.simd_eq(sum).to_bitmask() & 0x7f != 0x7f {
-            return Self {
-                directions: Aabb::EVERYTHING,
-                ..Self::NONE
-            };
-        }
-        let ([a, b, c, d, e, f, t_min, _], [g, h, i, j, k, l, ..]): ([f32; 8], [f32; 8]) =
-            (lowest.into(), highest.into());
-        let aabb = |min, max| Aabb { min, max };
-        Self {
-            origins: aabb([a, b, c], [g, h, i]),
-            directions: aabb([d, e, f], [j, k, l]),
-            t_min,
-        }
-    }
-
-    /// The ranges of these rays and others.
-    #[inline(always)]
-    fn join(&mut self, other: &Self) {
-        for (own, other) in [
-            (&mut self.origins, &other.origins),
-            (&mut self.directions, &other.directions),
-        ] {
-            for axis in 0..3 {
-                own.min[axis] = lower(own.min[axis], other.min[axis]);
-                own.max[axis] = upper(own.max[axis], other.max[axis]);
-            }
-        }
-        self.t_min = lower(self.t_min, other.t_min);
-    }
-
-    /// Whether rays are alike enough to share a descent through a tree of such bounds.
-    #[inline(always)]
-    fn are_narrow(&self, bounds: &Aabb) -> bool {
-        let mut length = 0.0;
-        let mut size = 0.0;
-        let (mut turn, mut spread, mut place) = (0.0, 0.0, 0.0);
-        let mut parallel = 0;
-        for axis in 0..3 {
-            let (low, high) = (self.directions.min[axis], self.directions.max[axis]);
-            length = upper(length, upper(-low, high));
-            turn = upper(turn, high - low);
-            parallel += u32::from(low <= 0.0 && high >= 0.0);
-            let (first, last) = (self.origins.min[axis], self.origins.max[axis]);
-            spread = upper(spread, last - first);
-            size = upper(size, bounds.max[axis] - bounds.min[axis]);
-            place = upper(place, upper(-first, last));
-        }
-        self.t_min >= 0.0
-            && place <= FARTHEST
-            && ORDINARY.contains(&length)
-            && parallel < 2
-            && turn <= WIDEST_TURN * length
-            && spread <= WIDEST_SPREAD * size
-    }
-
-    #[inline(always)]
-    fn slabs<S: Simd>(&self, simd: S, bounds: &Aabb) -> SlabLanes<S> {
-        SlabLanes::of_intervals(simd, &self.origins, &self.directions, self.t_min, bounds)
-    }
-
-    /// By how much boxes are widened for these rays, as [`SlabLanes`] do it.
-    #[inline(always)]
-    fn slack(&self, bounds: &Aabb) -> f32 {
-        let (near, far) = (
-            bounds.reach(self.origins.min),
-            bounds.reach(self.origins.max),
-        );
-        slack(bounds, upper(near, far))
-    }
-
-    /// What bounds the errors for all of the rays.
-    #[inline(always)]
-    fn errors(&self, bounds: &Aabb) -> ErrorScale {
-        let near = bounds.farthest(self.origins.min);
-        let far = bounds.farthest(self.origins.max);
-        let mut length = [0.0; 3];
-        let mut reach = [0.0; 3];
-        for axis in 0..3 {
-            length[axis] = upper(-self.directions.min[axis], self.directions.max[axis]);
-            reach[axis] = upper(near[axis], far[axis]);
-        }
-        ErrorScale::new(length_bound(length), length_bound(reach))
-    }
 }

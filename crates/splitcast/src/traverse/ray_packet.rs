@@ -1,6 +1,5 @@
 //! Packets of a fixed number of rays.
 
-use super::packet::are_alike;
 use crate::{Hit, KdTree, Ray};
 
 /// 4, 8 or 16 rays that are traced together, some of which may be inactive: those neither
@@ -84,15 +83,8 @@ impl KdTree<'_> {
     /// others.
     pub fn closest_hit_packet<const N: usize>(&self, packet: &RayPacket<N>) -> [Option<Hit>; N] {
         let (rays, count) = packet.gathered();
-        let rays = &rays[..count];
         let mut hits = [None; N];
-        if are_alike(self, rays) {
-            self.closest_hits(rays, &mut hits[..count]);
-        } else {
-            for (ray, hit) in rays.iter().zip(&mut hits) {
-                *hit = self.closest_hit(ray);
-            }
-        }
+        self.closest_hits(&rays[..count], &mut hits[..count]);
         packet.scattered(hits, None)
     }
 
@@ -100,15 +92,8 @@ impl KdTree<'_> {
     /// others.
     pub fn occluded_packet<const N: usize>(&self, packet: &RayPacket<N>) -> [bool; N] {
         let (rays, count) = packet.gathered();
-        let rays = &rays[..count];
         let mut occluded = [false; N];
-        if are_alike(self, rays) {
-            self.occluded_rays(rays, &mut occluded[..count]);
-        } else {
-            for (ray, occluded) in rays.iter().zip(&mut occluded) {
-                *occluded = self.occluded(ray);
-            }
-        }
+        self.occluded_rays(&rays[..count], &mut occluded[..count]);
         packet.scattered(occluded, false)
     }
 }

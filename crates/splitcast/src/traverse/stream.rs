@@ -14,12 +14,13 @@ use std::ops::RangeInclusive;
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, u8x16};
 
-use super::completion;
-use super::descend::{ORDINARY, SLOWEST, Slabs, descend, slack};
-use super::lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, length_bound};
+use super::descend::{ORDINARY, SLOWEST, Slabs, descend};
+use super::intervals::RangeLanes;
+use super::lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, splat};
 use super::nearest::{AnyHits, ClosestHits, NONE, Nearest, Query, exact_hit};
 use super::packet::{GROUP, PACKET};
-use super::{NearestTester, triangle};
+use super::triangle::{frame_axes, largest_axis};
+use super::{NearestTester, completion};
 use crate::aabb::upper;
 use crate::prefetch::prefetch;
 use crate::wide::{Blocks, LANES, WideNode, WideTree};
@@ -114,14 +115,12 @@ struct Waiting {
 
 /// How the rays of a stream meet boxes and triangles.
 struct Way {
-    /// Which rows of bounds are entered by; the others are left by.
-    enter_rows: [usize; 3],
-    /// By how much boxes are widened.
-    slack: f32,
     /// A direction with the signs of all.
     signs: [f32; 3],
     /// The sum of all directions.
     direction: [f32; 3],
+    /// By how much boxes are widened.
+    slack: f32,
     errors: ErrorScale,
 }
 
@@ -161,7 +160,7 @@ impl<'q, 'm> Streams<'q, 'm> {
     fn kind(&self, ray: &Ray) -> Option<usize> {
         let [x, y, z] = ray.direction;
         let (a, b, c) = (x.abs(), y.abs(), z.abs());
-        let axis = triangle::largest_axis(a, b, c);
+        let axis = largest_axis(a, b, c);
         // NaN is in no range.
         let largest = [a, b, c][axis];
         let sound = ORDINARY.contains(&largest)
@@ -207,8 +206,7 @@ impl<'q, 'm> Streams<'q, 'm> {
             let way = self.stream.read(simd, self.rays, numbers, &tree.bounds());
             self.stream
                 .descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
-            let axis = kind / 8;
-            let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+            let axes = frame_axes(kind / 8);
             let blocks = &tree.wide().blocks;
             Q::answer(simd, &self.stream, axes, blocks, numbers, answers);
         }
@@ -220,8 +218,8 @@ pub(super) trait StreamQuery: Query {
     /// What is to be known of a ray.
     type Answer;
 
-    /// Puts down answers for the rays of a stream, which have the numbers `numbers`, and the last of `axes` as that of their directions'
-    /// largest component.
+    /// Puts down answers for the rays of a stream, given their numbers in the slice; the last of `axes` is that of
+    /// their directions' largest component.
     fn answer<S: Simd>(
         simd: S,
         stream: &Stream,
@@ -319,10 +317,7 @@ impl Stream {
     /// Takes up rays, given by their numbers.
     #[inline(always)]
     fn read<S: Simd>(&mut self, simd: S, rays: &[Ray], numbers: &[u32], bounds: &Aabb) -> Way {
-        let zero = f32x4::splat(simd, 0.0);
-        let mut lowest = f32x4::splat(simd, f32::INFINITY);
-        let mut highest = f32x4::splat(simd, f32::NEG_INFINITY);
-        let (mut longest, mut sum) = (zero, zero);
+        let mut ranges = RangeLanes::new(simd);
         for ((own, place), &number) in
             (self.members.rays.iter_mut().zip(&mut self.members.places)).zip(numbers)
         {
@@ -342,46 +337,32 @@ impl Stream {
                 high: ray.t_max,
             };
             *place = NONE;
-            lowest = lowest.min(origin);
-            highest = highest.max(origin);
-            longest = longest.max(along.abs());
-            sum += along;
+            ranges.add(simd, &ray);
         }
-        let ([a, b, c, _], [d, e, f, _]): ([f32; 4], [f32; 4]) = (lowest.into(), highest.into());
-        let ([g, h, i, _], [j, k, l, _]): ([f32; 4], [f32; 4]) = (longest.into(), sum.into());
-        let origins = Aabb {
-            min: [a, b, c],
-            max: [d, e, f],
-        };
-        let (longest, sum) = ([g, h, i], [j, k, l]);
-        let first = rays[numbers[0] as usize].direction;
-        let row = |axis: usize| 2 * axis + usize::from(first[axis].is_sign_negative());
-        let reach = upper(bounds.reach(origins.min), bounds.reach(origins.max));
-        let near = bounds.farthest(origins.min);
-        let far = bounds.farthest(origins.max);
-        let farthest = [
-            upper(near[0], far[0]),
-            upper(near[1], far[1]),
-            upper(near[2], far[2]),
-        ];
+        let intervals = ranges.intervals();
         Way {
-            enter_rows: [row(0), row(1), row(2)],
-            slack: slack(bounds, reach),
-            signs: first,
-            direction: sum,
-            errors: ErrorScale::new(length_bound(longest), length_bound(farthest)),
+            signs: rays[numbers[0] as usize].direction,
+            direction: ranges.direction(),
+            slack: intervals.slack(bounds),
+            errors: intervals.errors(bounds),
         }
     }
 
     #[inline(always)]
     fn descend<S: Simd, Q: Query>(&mut self, simd: S, wide: &WideTree, way: &Way, count: usize) {
         let nodes = wide.nodes();
-        let [x, y, z] = way.enter_rows;
-        let slack = [
-            f32x8::splat(simd, way.slack.copysign(way.signs[0])),
-            f32x8::splat(simd, way.slack.copysign(way.signs[1])),
-            f32x8::splat(simd, way.slack.copysign(way.signs[2])),
+        // Boxes are entered by their lower planes forwards, by their upper ones backwards.
+        let [x, y, z] = way.signs;
+        let slack: [f32x8<S>; 3] = [
+            f32x8::splat(simd, way.slack.copysign(x)),
+            f32x8::splat(simd, way.slack.copysign(y)),
+            f32x8::splat(simd, way.slack.copysign(z)),
         ];
+        let (x, y, z) = (
+            usize::from(x.is_sign_negative()),
+            2 + usize::from(y.is_sign_negative()),
+            4 + usize::from(z.is_sign_negative()),
+        );
         self.stack.clear();
         if self.lists.is_empty() {
             self.lists.push([[0; STREAM + STEP]; LANES]);
@@ -561,19 +542,14 @@ impl Members {
         node: u32,
         number: u8,
     ) {
-        let own = &mut self.rays[usize::from(number)];
-        let place = &mut self.places[usize::from(number)];
-        let nearest = Nearest {
-            low: own.low,
-            high: own.high,
-            place: *place,
-        };
+        let own = &self.rays[usize::from(number)];
         let slabs = Slabs::of_inverse(&own.ray, own.inverse, own.offset, way.slack);
+        let nearest = self.nearest(number);
         let mut tester =
             NearestTester::<S, Q>::new(simd, &wide.blocks, &own.ray, way.errors, nearest);
         descend(simd, wide, &slabs, node, &mut tester);
         let nearest = tester.nearest;
-        (own.low, own.high, *place) = (nearest.low, nearest.high, nearest.place);
+        self.set_nearest(number, nearest);
     }
 
     /// Tests the rays of a list against the triangles of a block.
@@ -589,20 +565,32 @@ impl Members {
         let triangles = TriangleLanes::of_block(simd, blocks.get(index));
         let errors = errors.of(simd, &triangles);
         for &number in list {
-            let own = &mut self.rays[usize::from(number)];
-            if Q::ANY && own.high == f32::NEG_INFINITY {
+            let mut nearest = self.nearest(number);
+            if Q::ANY && nearest.is_hit() {
                 continue;
             }
-            let place = &mut self.places[usize::from(number)];
-            let mut nearest = Nearest {
-                low: own.low,
-                high: own.high,
-                place: *place,
-            };
-            let passing = Passing::new(&RayLanes::of_ray(simd, &own.ray), &triangles, &errors);
-            nearest.test_block::<S, Q>(simd, blocks, &own.ray, index, &passing, &errors);
-            (own.low, own.high, *place) = (nearest.low, nearest.high, nearest.place);
+            let ray = &self.rays[usize::from(number)].ray;
+            let passing = Passing::new(&RayLanes::of_ray(simd, ray), &triangles, &errors);
+            nearest.test_block::<S, Q>(simd, blocks, ray, index, &passing, &errors);
+            self.set_nearest(number, nearest);
         }
+    }
+
+    #[inline(always)]
+    fn nearest(&self, number: u8) -> Nearest {
+        let StreamRay { low, high, .. } = self.rays[usize::from(number)];
+        Nearest {
+            low,
+            high,
+            place: self.places[usize::from(number)],
+        }
+    }
+
+    #[inline(always)]
+    fn set_nearest(&mut self, number: u8, Nearest { low, high, place }: Nearest) {
+        let own = &mut self.rays[usize::from(number)];
+        (own.low, own.high) = (low, high);
+        self.places[usize::from(number)] = place;
     }
 }
 
@@ -610,18 +598,8 @@ impl StreamRay {
     /// The boxes that the ray meets within its range; `enter` and `leave` are the planes of eight.
     #[inline(always)]
     fn meet<S: Simd>(&self, simd: S, enter: &[f32x8<S>; 3], leave: &[f32x8<S>; 3]) -> u8 {
-        let [a, b, c] = self.inverse;
-        let (a, b, c) = (
-            f32x8::splat(simd, a),
-            f32x8::splat(simd, b),
-            f32x8::splat(simd, c),
-        );
-        let [d, e, f] = self.offset;
-        let (d, e, f) = (
-            f32x8::splat(simd, d),
-            f32x8::splat(simd, e),
-            f32x8::splat(simd, f),
-        );
+        let [a, b, c]: [f32x8<S>; 3] = splat(simd, self.inverse);
+        let [d, e, f]: [f32x8<S>; 3] = splat(simd, self.offset);
         let t_min = f32x8::splat(simd, self.ray.t_min);
         let t_max = f32x8::splat(simd, self.high);
         let first = (enter[0].mul_sub(a, d).max(enter[1].mul_sub(b, e)))

@@ -53,8 +53,7 @@ impl<'r> ShearedRay<'r> {
         }
         let [x, y, z] = ray.direction;
         let (x, y, z) = (x.abs(), y.abs(), z.abs());
-        let largest = largest_axis(x, y, z);
-        let axes = [(largest + 1) % 3, (largest + 2) % 3, largest];
+        let axes = frame_axes(largest_axis(x, y, z));
         (ray.direction[axes[2]] != 0.0).then_some(Self { ray, axes })
     }
 
@@ -228,6 +227,12 @@ impl TriangleInFrame<f64> {
         let [a, b, c] = self.corners;
         [edge(c, b), edge(a, c), edge(b, a)]
     }
+}
+
+/// The axes of a ray's frame, given the one on which its direction is largest.
+#[inline(always)]
+pub(super) const fn frame_axes(largest: usize) -> [usize; 3] {
+    [(largest + 1) % 3, (largest + 2) % 3, largest]
 }
 
 /// The axis of the largest of three sizes, the first of equal ones.

@@ -153,6 +153,7 @@ pub trait Kernel {
 /// Runs `kernel` with the widest instruction set of this machine, or the one
 /// asked for. Costs an indirect call, so dispatch whole phases, not single
 /// nodes or rays.
+#[inline(never)] // Kernels that call others stay small: compilers take long for large functions.
 pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     let forced = usize::from(FORCED.load(Ordering::Relaxed));
     let level = forced

@@ -142,7 +142,7 @@ impl<Q: SliceQuery> Kernel for Slice<'_, '_, Q> {
             start += packed.len();
             let is_last = start == rays.len();
             if let Some(streams) = &mut streams {
-                streams.trace::<S, Q>(simd, is_last, answers);
+                streams.trace::<Q>(is_last, answers);
             }
             if is_last {
                 return;

@@ -23,6 +23,7 @@ use super::triangle::{frame_axes, largest_axis};
 use super::{NearestTester, completion};
 use crate::aabb::upper;
 use crate::prefetch::prefetch;
+use crate::simd::{Kernel, dispatch};
 use crate::wide::{Blocks, LANES, WideNode, WideTree};
 use crate::{Aabb, Hit, KdTree, Ray};
 
@@ -188,28 +189,52 @@ impl<'q, 'm> Streams<'q, 'm> {
     }
 
     /// Traces streams that are nearly full, or all. Answers are put down where the rays are in the slice.
-    #[inline(always)]
-    pub(super) fn trace<S: Simd, Q: StreamQuery>(
-        &mut self,
-        simd: S,
-        all: bool,
-        answers: &mut [Q::Answer],
-    ) {
+    pub(super) fn trace<Q: StreamQuery>(&mut self, all: bool, answers: &mut [Q::Answer]) {
         let fewest = if all { 1 } else { STREAM - PACKET + 1 };
         for kind in 0..KINDS {
             if self.counts[kind] < fewest {
                 continue;
             }
-            let numbers = &self.waiting[kind][..self.counts[kind]];
+            dispatch(OneStream::<Q> {
+                tree: self.tree,
+                rays: self.rays,
+                numbers: &self.waiting[kind][..self.counts[kind]],
+                axes: frame_axes(kind / 8),
+                stream: &mut self.stream,
+                answers,
+            });
             self.counts[kind] = 0;
-            let tree = self.tree;
-            let way = self.stream.read(simd, self.rays, numbers, &tree.bounds());
-            self.stream
-                .descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
-            let axes = frame_axes(kind / 8);
-            let blocks = &tree.wide().blocks;
-            Q::answer(simd, &self.stream, axes, blocks, numbers, answers);
         }
+    }
+}
+
+/// The arguments of [`Streams::trace`] for one stream: a kernel of its own, since compilers take long for functions
+/// as large as all kernels of a slice would make together.
+struct OneStream<'q, 'm, Q: StreamQuery> {
+    tree: &'q KdTree<'m>,
+    rays: &'q [Ray],
+    numbers: &'q [u32],
+    axes: [usize; 3],
+    stream: &'q mut Stream,
+    answers: &'q mut [Q::Answer],
+}
+
+impl<Q: StreamQuery> Kernel for OneStream<'_, '_, Q> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self {
+            tree,
+            rays,
+            numbers,
+            axes,
+            stream,
+            answers,
+        } = self;
+        let way = stream.read(simd, rays, numbers, &tree.bounds());
+        stream.descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
+        Q::answer(simd, stream, axes, &tree.wide().blocks, numbers, answers);
     }
 }
 

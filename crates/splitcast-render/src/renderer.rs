@@ -112,15 +112,19 @@ impl Renderer {
         tree: &KdTree<'_>,
         frame: &Frame,
     ) -> Result<(Image, RenderStats), RenderError> {
-        let mut image =
-            self.image(
-                self.with_surfaces(tree, frame, |surfaces| match self.preview() {
-                    Some(preview) => preview_on(&self.backdrops.light, &preview, &surfaces),
-                    None => self.pixels(surfaces),
-                })?,
-            );
-        debug_view::draw_legend(&mut image.0, tree, &self.options);
-        Ok(image)
+        let draw = |surfaces: Surfaces<'_>| match self.preview() {
+            Some(preview) => preview_on(&self.backdrops.light, &preview, &surfaces),
+            None => self.pixels(surfaces),
+        };
+        let (pixels, rays) = self.with_surfaces(tree, frame, draw)?;
+        let mut image = Image {
+            width: self.options.width,
+            height: self.options.height,
+            pixels,
+            tone_curve: self.tone_curve(),
+        };
+        debug_view::draw_legend(&mut image, tree, &self.options);
+        Ok((image, RenderStats { rays }))
     }
 
     /// [`Renderer::render`] and [`to_srgb8`], in less time than both if the options ask for a plain preview.
@@ -155,16 +159,6 @@ impl Renderer {
             height: options.height,
             brightness: options.exposure.exp2(),
         })
-    }
-
-    fn image(&self, (pixels, rays): (Vec<[f32; 3]>, u64)) -> (Image, RenderStats) {
-        let image = Image {
-            width: self.options.width,
-            height: self.options.height,
-            pixels,
-            tone_curve: self.tone_curve(),
-        };
-        (image, RenderStats { rays })
     }
 
     /// What `use_them` makes of the frame's surfaces.

@@ -9,6 +9,7 @@ mod packet;
 mod ray_packet;
 mod rays;
 pub mod reference;
+mod strands;
 mod stream;
 mod triangle;
 

@@ -202,18 +202,21 @@ impl Workspace {
                 }
             }
         }
-        self.find_occluded(tree);
-        for (&pixel, _) in (self.from.iter().zip(&self.occluded)).filter(|(_, occluded)| **occluded)
-        {
+        self.drop_open(tree);
+        for &pixel in &self.from {
             self.octets[pixel / LANES].in_sun[pixel % LANES] = 0.0;
             changed[pixel / LANES] = true;
         }
-        self.from.len() as u64
+        self.to_sun.len() as u64
     }
 
-    fn find_occluded(&mut self, tree: &KdTree<'_>) {
+    /// Keeps of `from` only where the rays to the sun are occluded.
+    fn drop_open(&mut self, tree: &KdTree<'_>) {
         self.occluded.resize(self.to_sun.len(), false);
         tree.occluded_rays(&self.to_sun, &mut self.occluded);
+        let mut occluded = self.occluded.iter();
+        self.from
+            .retain(|_| *occluded.next().expect("one for each ray"));
     }
 
     /// Finds what the mesh is like where it is seen, and the sun's light there. Returns the number of rays.
@@ -225,12 +228,11 @@ impl Workspace {
             surfaces,
             work: self,
         });
-        self.find_occluded(surfaces.tree);
-        for (&place, _) in (self.from.iter().zip(&self.occluded)).filter(|(_, occluded)| **occluded)
-        {
+        self.drop_open(surfaces.tree);
+        for &place in &self.from {
             self.on_mesh[place / LANES].cosine[place % LANES] = 0.0;
         }
-        self.from.len() as u64
+        self.to_sun.len() as u64
     }
 
     /// Puts some octets into the picture.

@@ -7,6 +7,7 @@ use fearless_simd::{f32x16, f64x8};
 use super::packet::GROUP;
 use super::triangle::{Crossing, TriangleInFrame, area_normal, unit};
 use crate::Hit;
+use crate::simd::{Kernel, dispatch};
 use crate::wide::Blocks;
 
 /// A point or a vector for each ray of a group.
@@ -15,75 +16,115 @@ type Points<S> = [f32x16<S>; 3];
 /// The same in double precision, half of a group.
 type WidePoints<S> = [f64x8<S>; 3];
 
-/// What the lanes of `hit` hit: the triangles whose places are given. The directions of
-/// these lanes have their largest component on the last of `axes`. Gives the hits, and the set of
-/// those that have to be found one by one.
-#[inline(always)]
-pub(super) fn complete<S: Simd>(
-    simd: S,
+/// A number for each ray of a group.
+type Row = [f32; GROUP];
+
+/// Where the rays of a group begin, and where they go.
+#[derive(Clone, Copy)]
+pub(super) struct Lines<'a> {
+    pub(super) origin: [&'a Row; 3],
+    pub(super) direction: [&'a Row; 3],
+}
+
+/// Puts down what the lanes of `hit` hit: the triangles whose places are given. The directions of
+/// these lanes have their largest component on the last of `axes`. Gives the set of those that have to
+/// be found one by one; nothing is put down there.
+pub(super) fn complete(
     blocks: &Blocks,
     axes: [usize; 3],
-    (origin, direction): (Points<S>, Points<S>),
+    lines: Lines<'_>,
     places: &[u32; GROUP],
     hit: u32,
-    mut take: impl FnMut(usize, Hit),
+    hits: &mut [Option<Hit>; GROUP],
 ) -> u32 {
-    let mut corners = [[[0.0; GROUP]; 3]; 3];
-    let mut triangles = [0; GROUP];
-    let mut rest = hit;
-    while rest != 0 {
-        let lane = rest.trailing_zeros() as usize % GROUP;
-        rest &= rest - 1;
-        let (block, place) = blocks.at(places[lane]);
-        let own = block.corners_of(place);
-        triangles[lane] = block.triangles[place];
-        for corner in 0..3 {
-            for axis in 0..3 {
-                corners[corner][axis][lane] = own[corner][axis];
+    dispatch(Completion {
+        blocks,
+        axes,
+        lines,
+        places,
+        hit,
+        hits,
+    })
+}
+
+/// The arguments of [`complete`].
+struct Completion<'a> {
+    blocks: &'a Blocks,
+    axes: [usize; 3],
+    lines: Lines<'a>,
+    places: &'a [u32; GROUP],
+    hit: u32,
+    hits: &'a mut [Option<Hit>; GROUP],
+}
+
+impl Kernel for Completion<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> u32 {
+        let Self {
+            blocks,
+            axes,
+            lines,
+            places,
+            hit,
+            hits,
+        } = self;
+        let mut corners = [[[0.0; GROUP]; 3]; 3];
+        let mut triangles = [0; GROUP];
+        let mut rest = hit;
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize % GROUP;
+            rest &= rest - 1;
+            let (block, place) = blocks.at(places[lane]);
+            let own = block.corners_of(place);
+            triangles[lane] = block.triangles[place];
+            for corner in 0..3 {
+                for axis in 0..3 {
+                    corners[corner][axis][lane] = own[corner][axis];
+                }
             }
         }
-    }
-    let points = |rows: &[[f32; GROUP]; 3]| {
-        [
-            f32x16::simd_from(simd, rows[0]),
-            f32x16::simd_from(simd, rows[1]),
-            f32x16::simd_from(simd, rows[2]),
-        ]
-    };
-    let (origin, direction) = (widened(&origin), widened(&direction));
-    let (a, b, c) = (
-        widened(&points(&corners[0])),
-        widened(&points(&corners[1])),
-        widened(&points(&corners[2])),
-    );
-    let low = Solution::new(axes, &origin.0, &direction.0, &[a.0, b.0, c.0]);
-    let high = Solution::new(axes, &origin.1, &direction.1, &[a.1, b.1, c.1]);
-    let rows = [
-        narrowed(low.crossing[0], high.crossing[0]),
-        narrowed(low.crossing[1], high.crossing[1]),
-        narrowed(low.crossing[2], high.crossing[2]),
-        narrowed(low.normal[0], high.normal[0]),
-        narrowed(low.normal[1], high.normal[1]),
-        narrowed(low.normal[2], high.normal[2]),
-    ];
-    let open = hit & (low.doubtful | high.doubtful << 8);
-    let mut rest = hit & !open;
-    while rest != 0 {
-        let lane = rest.trailing_zeros() as usize % GROUP;
-        rest &= rest - 1;
-        let Crossing { t, u, v } = Crossing::new(rows[0][lane], rows[1][lane], rows[2][lane]);
-        take(
-            lane,
-            Hit {
+        let points = |[x, y, z]: [&Row; 3]| {
+            widened(&[
+                f32x16::simd_from(simd, *x),
+                f32x16::simd_from(simd, *y),
+                f32x16::simd_from(simd, *z),
+            ])
+        };
+        let (origin, direction) = (points(lines.origin), points(lines.direction));
+        let [a, b, c] = &corners;
+        let (a, b, c) = (
+            points(a.each_ref()),
+            points(b.each_ref()),
+            points(c.each_ref()),
+        );
+        let low = Solution::new(axes, &origin.0, &direction.0, &[a.0, b.0, c.0]);
+        let high = Solution::new(axes, &origin.1, &direction.1, &[a.1, b.1, c.1]);
+        let rows = [
+            narrowed(low.crossing[0], high.crossing[0]),
+            narrowed(low.crossing[1], high.crossing[1]),
+            narrowed(low.crossing[2], high.crossing[2]),
+            narrowed(low.normal[0], high.normal[0]),
+            narrowed(low.normal[1], high.normal[1]),
+            narrowed(low.normal[2], high.normal[2]),
+        ];
+        let open = hit & (low.doubtful | high.doubtful << 8);
+        let mut rest = hit & !open;
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize % GROUP;
+            rest &= rest - 1;
+            let Crossing { t, u, v } = Crossing::new(rows[0][lane], rows[1][lane], rows[2][lane]);
+            hits[lane] = Some(Hit {
                 t,
                 u,
                 v,
                 triangle: triangles[lane],
                 normal: [rows[3][lane], rows[4][lane], rows[5][lane]],
-            },
-        );
+            });
+        }
+        open
     }
-    open
 }
 
 /// Crossings of eight rays and triangles.
@@ -121,6 +162,6 @@ fn widened<S: Simd>([x, y, z]: &Points<S>) -> (WidePoints<S>, WidePoints<S>) {
 }
 
 #[inline(always)]
-fn narrowed<S: Simd>(low: f64x8<S>, high: f64x8<S>) -> [f32; GROUP] {
+fn narrowed<S: Simd>(low: f64x8<S>, high: f64x8<S>) -> Row {
     low.narrow(high).into()
 }

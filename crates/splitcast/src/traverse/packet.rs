@@ -10,16 +10,19 @@
 //! of two hits is nearer, or whether there is one, the exact test decides at once; otherwise it
 //! completes the hits that remain. Hits are those of single rays, to the last bit.
 
-use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x8, f32x16, mask32x16, u32x16};
+use std::marker::PhantomData;
 
-use super::completion;
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x4, f32x8, f32x16, mask32x16};
+
+use super::completion::{self, Lines};
 use super::descend::{SLOWEST, SlabLanes, Stack};
 use super::intervals::{Intervals, RangeLanes};
 use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of};
 use super::nearest::{NONE, Nearest, Query};
 use super::triangle::frame_axes;
 use crate::aabb::{lower, upper};
+use crate::simd::{Kernel, dispatch};
 use crate::wide::{Blocks, LANES, WideTree};
 use crate::{Hit, KdTree, Ray};
 
@@ -63,6 +66,8 @@ struct Group {
     high: Numbers,
     /// The places of what is hit.
     place: [u32; GROUP],
+    /// On which axis directions have their largest component: the set of rays for each.
+    largest: [u32; 3],
     /// One over the direction, finite.
     inverse: [Numbers; 3],
     /// The origin times that.
@@ -75,6 +80,23 @@ struct Way<S: Simd> {
     /// The highest distance that is of interest to any ray of each group.
     t_max: [f32; GROUPS],
     errors: ErrorScale,
+}
+
+/// The arguments of [`Packet::trace`].
+struct OnePacket<'p, 'q, 'm, Q> {
+    tree: &'p KdTree<'m>,
+    rays: &'q [Ray],
+    packet: &'p mut Packet<'q>,
+    query: PhantomData<Q>,
+}
+
+impl<Q: Query> Kernel for OnePacket<'_, '_, '_, Q> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> u32 {
+        self.packet.trace_by::<S, Q>(simd, self.tree, self.rays)
+    }
 }
 
 /// A packet under way.
@@ -99,13 +121,18 @@ impl<'q> Packet<'q> {
 
     /// Traces those of up to [`PACKET`] rays that are alike, group by group, and gives the set of
     /// their groups: bit by bit, the first the lowest.
+    pub(super) fn trace<Q: Query>(&mut self, tree: &KdTree<'_>, rays: &'q [Ray]) -> u32 {
+        dispatch(OnePacket::<Q> {
+            tree,
+            rays,
+            packet: self,
+            query: PhantomData,
+        })
+    }
+
+    /// [`trace`](Self::trace) with an instruction set.
     #[inline(always)]
-    pub(super) fn trace<S: Simd, Q: Query>(
-        &mut self,
-        simd: S,
-        tree: &KdTree<'_>,
-        rays: &'q [Ray],
-    ) -> u32 {
+    fn trace_by<S: Simd, Q: Query>(&mut self, simd: S, tree: &KdTree<'_>, rays: &'q [Ray]) -> u32 {
         let bounds = tree.bounds();
         let mut intervals = [Intervals::NONE; GROUPS];
         let mut all = Intervals::NONE;
@@ -164,24 +191,28 @@ impl<'q> Packet<'q> {
     }
 
     /// Puts down what the rays of a group hit.
-    #[inline(always)]
-    pub(super) fn complete<S: Simd>(&self, simd: S, group: usize, hits: &mut [Option<Hit>]) {
+    pub(super) fn complete(&self, group: usize, hits: &mut [Option<Hit>]) {
         let rays = &self.groups[group];
         hits.fill(None);
-        let places = u32x16::simd_from(simd, rays.place);
-        let mut open = places.simd_ne(NONE).to_bitmask() as u32;
-        if open == 0 {
+        let mut hit = 0;
+        for (lane, &place) in rays.place.iter().enumerate() {
+            hit |= u32::from(place != NONE) << lane;
+        }
+        if hit == 0 {
             return;
         }
-        let hit = open;
+        let mut open = hit;
         if hit.count_ones() >= FEW
-            && let Some(axes) = rays.axes(simd, hit)
+            && let Some(axis) = rays.largest.iter().position(|set| set & hit == hit)
         {
-            let lines = (points(simd, &rays.origin), points(simd, &rays.direction));
-            let (blocks, places) = (self.blocks, &rays.place);
-            open = completion::complete(simd, blocks, axes, lines, places, hit, |lane, hit| {
-                hits[lane] = Some(hit);
-            });
+            let lines = Lines {
+                origin: rays.origin.each_ref().map(|row| &row.0),
+                direction: rays.direction.each_ref().map(|row| &row.0),
+            };
+            let (blocks, axes) = (self.blocks, frame_axes(axis));
+            let mut completed = [None; GROUP];
+            open = completion::complete(blocks, axes, lines, &rays.place, hit, &mut completed);
+            hits.copy_from_slice(&completed[..hits.len()]);
         }
         while open != 0 {
             let lane = open.trailing_zeros() as usize % GROUP;
@@ -391,6 +422,7 @@ impl Group {
         low: Numbers([f32::NEG_INFINITY; GROUP]),
         high: Numbers([f32::NEG_INFINITY; GROUP]),
         place: [NONE; GROUP],
+        largest: [0; 3],
         inverse: [Numbers([0.0; GROUP]); 3],
         offset: [Numbers([0.0; GROUP]); 3],
     };
@@ -431,6 +463,9 @@ impl Group {
             self.direction[1].lanes(simd).abs(),
             self.direction[2].lanes(simd).abs(),
         );
+        let first = (x.simd_ge(y) & x.simd_ge(z)).to_bitmask() as u32;
+        let second = y.simd_ge(z).to_bitmask() as u32 & !first;
+        self.largest = [first, second, !first & !second];
         let largest = f32x16::splat(simd, f32::MAX);
         let numbers = mask32x16::from_bitmask(simd, (1 << rays.len()) - 1);
         let valid = x.max(y).max(z).simd_gt(0.0)
@@ -492,25 +527,6 @@ impl Group {
         }
         let active = high.simd_gt(f32x16::splat(simd, f32::NEG_INFINITY));
         (!enter.simd_gt(leave) & active).to_bitmask() as u32
-    }
-
-    /// The axes of the frame that all of some rays share ([`ShearedRay`]).
-    #[inline(always)]
-    fn axes<S: Simd>(&self, simd: S, rays: u32) -> Option<[usize; 3]> {
-        let (x, y, z) = (
-            self.direction[0].lanes(simd).abs(),
-            self.direction[1].lanes(simd).abs(),
-            self.direction[2].lanes(simd).abs(),
-        );
-        let first = (x.simd_ge(y) & x.simd_ge(z)).to_bitmask() as u32;
-        let second = y.simd_ge(z).to_bitmask() as u32 & !first;
-        [
-            (first, frame_axes(0)),
-            (second, frame_axes(1)),
-            (!first & !second, frame_axes(2)),
-        ]
-        .into_iter()
-        .find_map(|(set, axes)| (set & rays == rays).then_some(axes))
     }
 
     /// The highest distance that is of interest to any of the rays.

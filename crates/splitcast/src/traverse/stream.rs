@@ -9,18 +9,20 @@
 //! Distances are known up to their rounding errors ([`Nearest`]); hits are those of single rays, to
 //! the last bit.
 
+use std::marker::PhantomData;
 use std::ops::RangeInclusive;
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x8, f32x16, u8x16};
+use fearless_simd::{f32x4, f32x8, mask32x8, u8x16};
 
-use super::descend::{ORDINARY, SLOWEST, Slabs, descend};
+use super::completion::{self, Lines};
+use super::descend::{ORDINARY, SLOWEST};
 use super::intervals::RangeLanes;
 use super::lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, splat};
 use super::nearest::{AnyHits, ClosestHits, NONE, Nearest, Query, exact_hit};
 use super::packet::{GROUP, PACKET};
+use super::strands::{ANYWHERE, SHORT, Strands};
 use super::triangle::{frame_axes, largest_axis};
-use super::{NearestTester, completion};
 use crate::aabb::upper;
 use crate::prefetch::prefetch;
 use crate::simd::{Kernel, dispatch};
@@ -38,11 +40,8 @@ const KINDS: usize = 24;
 const ORDINARY_SIZES: RangeInclusive<f32> = 1e-20..=1e12;
 const FARTHEST_SIZES: f32 = 64.0;
 
-/// Rays that a node is looked at for together, at least; fewer go on alone, each in its own order.
-const FEWEST: usize = 4;
-
 /// Rays that are handed on to children at once: what fills a 64-bit register.
-const STEP: usize = 8;
+pub(super) const STEP: usize = 8;
 
 /// A list of rays by their numbers in the stream.
 type List = [u8; STREAM + STEP];
@@ -89,7 +88,7 @@ pub(super) struct Streams<'q, 'm> {
 }
 
 /// Up to 256 rays and what they hit.
-struct Members {
+pub(super) struct Members {
     rays: [StreamRay; STREAM],
     places: [u32; STREAM],
 }
@@ -102,6 +101,7 @@ pub(super) struct Stream {
     /// The lists of the children of a node, for nodes at each depth.
     lists: Vec<[List; LANES]>,
     stack: Vec<Waiting>,
+    strands: Strands,
 }
 
 /// A node that some rays have come to.
@@ -115,14 +115,70 @@ struct Waiting {
 }
 
 /// How the rays of a stream meet boxes and triangles.
-struct Way {
-    /// A direction with the signs of all.
-    signs: [f32; 3],
+pub(super) struct Way<S: Simd> {
+    /// By how much boxes are widened, towards where rays come from.
+    slack: [f32x8<S>; 3],
+    /// Which rows of bounds are entered by; the others are left by.
+    enter_rows: [usize; 3],
     /// The sum of all directions.
     direction: [f32; 3],
-    /// By how much boxes are widened.
-    slack: f32,
-    errors: ErrorScale,
+    pub(super) errors: ErrorScale,
+}
+
+/// The planes by which eight boxes are entered and left, on each axis.
+pub(super) struct Planes<S: Simd> {
+    enter: [f32x8<S>; 3],
+    leave: [f32x8<S>; 3],
+}
+
+impl<S: Simd> Way<S> {
+    /// For rays whose directions have these signs, and this sum.
+    #[inline(always)]
+    fn new(simd: S, signs: [f32; 3], direction: [f32; 3], slack: f32, errors: ErrorScale) -> Self {
+        // Boxes are entered by their lower planes forwards, by their upper ones backwards.
+        let [x, y, z] = signs;
+        Self {
+            slack: splat(
+                simd,
+                [slack.copysign(x), slack.copysign(y), slack.copysign(z)],
+            ),
+            enter_rows: [
+                usize::from(x.is_sign_negative()),
+                2 + usize::from(y.is_sign_negative()),
+                4 + usize::from(z.is_sign_negative()),
+            ],
+            direction,
+            errors,
+        }
+    }
+
+    /// Those of a node's children.
+    #[inline(always)]
+    pub(super) fn planes(&self, simd: S, node: &WideNode) -> Planes<S> {
+        let [x, y, z] = self.enter_rows;
+        Planes {
+            enter: [
+                row(simd, node, x) - self.slack[0],
+                row(simd, node, y) - self.slack[1],
+                row(simd, node, z) - self.slack[2],
+            ],
+            leave: [
+                row(simd, node, x ^ 1) + self.slack[0],
+                row(simd, node, y ^ 1) + self.slack[1],
+                row(simd, node, z ^ 1) + self.slack[2],
+            ],
+        }
+    }
+
+    /// The lanes of `union`, nearest first as seen along all rays together, and their number.
+    #[inline(always)]
+    fn order(&self, simd: S, node: &WideNode, union: u8) -> ([u8; LANES], usize) {
+        let [x, y, z] = self.direction;
+        let keys = (row(simd, node, 0) + row(simd, node, 1)) * x
+            + (row(simd, node, 2) + row(simd, node, 3)) * y
+            + (row(simd, node, 4) + row(simd, node, 5)) * z;
+        sorted(&keys.into(), union)
+    }
 }
 
 impl<'q, 'm> Streams<'q, 'm> {
@@ -152,6 +208,7 @@ impl<'q, 'm> Streams<'q, 'm> {
                 met: [0; STREAM + STEP],
                 lists: Vec::new(),
                 stack: Vec::new(),
+                strands: Strands::default(),
             }),
         }
     }
@@ -195,31 +252,31 @@ impl<'q, 'm> Streams<'q, 'm> {
             if self.counts[kind] < fewest {
                 continue;
             }
+            let numbers = &self.waiting[kind][..self.counts[kind]];
             dispatch(OneStream::<Q> {
                 tree: self.tree,
                 rays: self.rays,
-                numbers: &self.waiting[kind][..self.counts[kind]],
-                axes: frame_axes(kind / 8),
+                numbers,
                 stream: &mut self.stream,
-                answers,
+                query: PhantomData,
             });
+            let (axes, blocks) = (frame_axes(kind / 8), &self.tree.wide().blocks);
+            Q::answer(&self.stream, axes, blocks, numbers, answers);
             self.counts[kind] = 0;
         }
     }
 }
 
-/// The arguments of [`Streams::trace`] for one stream: a kernel of its own, since compilers take long for functions
-/// as large as all kernels of a slice would make together.
-struct OneStream<'q, 'm, Q: StreamQuery> {
+/// The arguments of [`Streams::trace`] for one stream.
+struct OneStream<'q, 'm, Q> {
     tree: &'q KdTree<'m>,
     rays: &'q [Ray],
     numbers: &'q [u32],
-    axes: [usize; 3],
     stream: &'q mut Stream,
-    answers: &'q mut [Q::Answer],
+    query: PhantomData<Q>,
 }
 
-impl<Q: StreamQuery> Kernel for OneStream<'_, '_, Q> {
+impl<Q: Query> Kernel for OneStream<'_, '_, Q> {
     type Output = ();
 
     #[inline(always)]
@@ -228,13 +285,11 @@ impl<Q: StreamQuery> Kernel for OneStream<'_, '_, Q> {
             tree,
             rays,
             numbers,
-            axes,
             stream,
-            answers,
+            ..
         } = self;
         let way = stream.read(simd, rays, numbers, &tree.bounds());
         stream.descend::<S, Q>(simd, tree.wide(), &way, numbers.len());
-        Q::answer(simd, stream, axes, &tree.wide().blocks, numbers, answers);
     }
 }
 
@@ -245,8 +300,7 @@ pub(super) trait StreamQuery: Query {
 
     /// Puts down answers for the rays of a stream, given their numbers in the slice; the last of `axes` is that of
     /// their directions' largest component.
-    fn answer<S: Simd>(
-        simd: S,
+    fn answer(
         stream: &Stream,
         axes: [usize; 3],
         blocks: &Blocks,
@@ -258,15 +312,7 @@ pub(super) trait StreamQuery: Query {
 impl StreamQuery for AnyHits {
     type Answer = bool;
 
-    #[inline(always)]
-    fn answer<S: Simd>(
-        _: S,
-        stream: &Stream,
-        _: [usize; 3],
-        _: &Blocks,
-        numbers: &[u32],
-        answers: &mut [bool],
-    ) {
+    fn answer(stream: &Stream, _: [usize; 3], _: &Blocks, numbers: &[u32], answers: &mut [bool]) {
         for (&number, &place) in numbers.iter().zip(&stream.members.places) {
             answers[number as usize] = place != NONE;
         }
@@ -276,9 +322,7 @@ impl StreamQuery for AnyHits {
 impl StreamQuery for ClosestHits {
     type Answer = Option<Hit>;
 
-    #[inline(always)]
-    fn answer<S: Simd>(
-        simd: S,
+    fn answer(
         stream: &Stream,
         axes: [usize; 3],
         blocks: &Blocks,
@@ -294,45 +338,29 @@ impl StreamQuery for ClosestHits {
             count += usize::from(stream.members.places[k] != NONE);
         }
         for hit in hit[..count].chunks(GROUP) {
-            let mut rows = [[0.0; GROUP]; 6];
+            let (mut origin, mut direction) = ([[0.0; GROUP]; 3], [[0.0; GROUP]; 3]);
             let mut places = [0; GROUP];
             for (lane, &k) in hit.iter().enumerate() {
                 let ray = &stream.members.rays[usize::from(k)].ray;
                 for axis in 0..3 {
-                    rows[axis][lane] = ray.origin[axis];
-                    rows[3 + axis][lane] = ray.direction[axis];
+                    origin[axis][lane] = ray.origin[axis];
+                    direction[axis][lane] = ray.direction[axis];
                 }
                 places[lane] = stream.members.places[usize::from(k)];
             }
-            let [a, b, c, d, e, f] = rows;
-            let origin = [
-                f32x16::simd_from(simd, a),
-                f32x16::simd_from(simd, b),
-                f32x16::simd_from(simd, c),
-            ];
-            let direction = [
-                f32x16::simd_from(simd, d),
-                f32x16::simd_from(simd, e),
-                f32x16::simd_from(simd, f),
-            ];
+            let lines = Lines {
+                origin: origin.each_ref(),
+                direction: direction.each_ref(),
+            };
             let all = (1 << hit.len()) - 1;
-            let mut open = completion::complete(
-                simd,
-                blocks,
-                axes,
-                (origin, direction),
-                &places,
-                all,
-                |lane, completed| {
-                    answers[numbers[usize::from(hit[lane])] as usize] = Some(completed);
-                },
-            );
-            while open != 0 {
-                let lane = open.trailing_zeros() as usize % GROUP;
-                open &= open - 1;
-                let k = usize::from(hit[lane]);
-                let ray = &stream.members.rays[k].ray;
-                answers[numbers[k] as usize] = exact_hit(blocks, ray, places[lane]);
+            let mut hits = [None; GROUP];
+            let open = completion::complete(blocks, axes, lines, &places, all, &mut hits);
+            for (lane, &k) in hit.iter().enumerate() {
+                let k = usize::from(k);
+                answers[numbers[k] as usize] = match open >> lane & 1 {
+                    0 => hits[lane],
+                    _ => exact_hit(blocks, &stream.members.rays[k].ray, places[lane]),
+                };
             }
         }
     }
@@ -341,7 +369,7 @@ impl StreamQuery for ClosestHits {
 impl Stream {
     /// Takes up rays, given by their numbers.
     #[inline(always)]
-    fn read<S: Simd>(&mut self, simd: S, rays: &[Ray], numbers: &[u32], bounds: &Aabb) -> Way {
+    fn read<S: Simd>(&mut self, simd: S, rays: &[Ray], numbers: &[u32], bounds: &Aabb) -> Way<S> {
         let mut ranges = RangeLanes::new(simd);
         for ((own, place), &number) in
             (self.members.rays.iter_mut().zip(&mut self.members.places)).zip(numbers)
@@ -365,29 +393,14 @@ impl Stream {
             ranges.add(simd, &ray);
         }
         let intervals = ranges.intervals();
-        Way {
-            signs: rays[numbers[0] as usize].direction,
-            direction: ranges.direction(),
-            slack: intervals.slack(bounds),
-            errors: intervals.errors(bounds),
-        }
+        let signs = rays[numbers[0] as usize].direction;
+        let (slack, errors) = (intervals.slack(bounds), intervals.errors(bounds));
+        Way::new(simd, signs, ranges.direction(), slack, errors)
     }
 
     #[inline(always)]
-    fn descend<S: Simd, Q: Query>(&mut self, simd: S, wide: &WideTree, way: &Way, count: usize) {
+    fn descend<S: Simd, Q: Query>(&mut self, simd: S, wide: &WideTree, way: &Way<S>, count: usize) {
         let nodes = wide.nodes();
-        // Boxes are entered by their lower planes forwards, by their upper ones backwards.
-        let [x, y, z] = way.signs;
-        let slack: [f32x8<S>; 3] = [
-            f32x8::splat(simd, way.slack.copysign(x)),
-            f32x8::splat(simd, way.slack.copysign(y)),
-            f32x8::splat(simd, way.slack.copysign(z)),
-        ];
-        let (x, y, z) = (
-            usize::from(x.is_sign_negative()),
-            2 + usize::from(y.is_sign_negative()),
-            4 + usize::from(z.is_sign_negative()),
-        );
         self.stack.clear();
         if self.lists.is_empty() {
             self.lists.push([[0; STREAM + STEP]; LANES]);
@@ -409,79 +422,53 @@ impl Stream {
             let (above, below) = self.lists.split_at_mut(depth + 1);
             let list = &above[depth][waiting.lane as usize % LANES];
             let count = (waiting.count as usize).min(STREAM);
-            let node = &nodes[waiting.node as usize];
-            if count < FEWEST && !node.is_leaf() {
-                for &number in &list[..count] {
-                    self.members
-                        .go_alone::<S, Q>(simd, wide, way, waiting.node, number);
-                }
+            if count <= SHORT {
+                self.strands
+                    .add_node(waiting.node, bytes(&list[..STEP]), count);
+                self.strands
+                    .advance::<S, Q>(simd, wide, way, &mut self.members);
                 continue;
             }
+            let node = &nodes[waiting.node as usize];
             let lists = &mut below[0];
-            let union = {
-                let enter = [
-                    row(simd, node, x) - slack[0],
-                    row(simd, node, y) - slack[1],
-                    row(simd, node, z) - slack[2],
-                ];
-                let leave = [
-                    row(simd, node, x ^ 1) + slack[0],
-                    row(simd, node, y ^ 1) + slack[1],
-                    row(simd, node, z ^ 1) + slack[2],
-                ];
-                let mut union = 0;
-                for (&number, met) in list[..count].iter().zip(&mut self.met) {
-                    let ray = &self.members.rays[usize::from(number)];
-                    *met = ray.meet(simd, &enter, &leave);
-                    union |= *met;
-                }
-                union
-            };
+            let planes = way.planes(simd, node);
+            let mut union = 0;
+            for (&number, met) in list[..count].iter().zip(&mut self.met) {
+                *met = self.members.meet(simd, number, &planes).1.to_bitmask() as u8;
+                union |= *met;
+            }
             if union == 0 {
                 continue;
             }
-            if count < FEWEST {
-                // Few rays at a leaf need neither lists nor an order.
-                let mut rest = union;
-                while rest != 0 {
-                    let lane = rest.trailing_zeros() as usize;
-                    rest &= rest - 1;
-                    prefetch(wide.block(node.blocks(lane).start));
+            self.met[count..count + STEP].fill(0);
+            let counts = hand_on(simd, list, count, &self.met, union, lists);
+            let (order, children) = way.order(simd, node, union);
+            if node.is_leaf() {
+                for &lane in &order[..children] {
+                    prefetch(wide.block(node.blocks(usize::from(lane)).start));
                 }
-                for (place, number) in list[..count].iter().enumerate() {
-                    let mut met = self.met[place];
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize;
-                        met &= met - 1;
-                        for block in node.blocks(lane) {
-                            let list = std::slice::from_ref(number);
+                for &lane in &order[..children] {
+                    let lane = usize::from(lane) % LANES;
+                    let list = &lists[lane][..counts[lane]];
+                    for block in node.blocks(lane) {
+                        if list.len() <= SHORT {
+                            let list = bytes(&lists[lane][..STEP]);
+                            self.strands.add_block(block, list, counts[lane]);
+                        } else {
+                            let errors = &way.errors;
                             self.members.visit::<S, Q>(
                                 simd,
                                 &wide.blocks,
                                 block,
-                                &way.errors,
+                                errors,
+                                ANYWHERE,
                                 list,
                             );
                         }
                     }
                 }
-                continue;
-            }
-            self.met[count..count + STEP].fill(0);
-            let counts = hand_on(simd, list, count, &self.met, union, lists);
-            let (order, children) = order(simd, node, union, &way.direction);
-            if node.is_leaf() {
-                for &lane in &order[1..children] {
-                    prefetch(wide.block(node.blocks(usize::from(lane)).start));
-                }
-                for &lane in &order[..children] {
-                    let lane = usize::from(lane) % LANES;
-                    for block in node.blocks(lane) {
-                        let list = &lists[lane][..counts[lane]];
-                        self.members
-                            .visit::<S, Q>(simd, &wide.blocks, block, &way.errors, list);
-                    }
-                }
+                self.strands
+                    .advance::<S, Q>(simd, wide, way, &mut self.members);
             } else {
                 for &lane in order[..children].iter().rev() {
                     prefetch(&nodes[node.child(usize::from(lane)) as usize]);
@@ -494,6 +481,8 @@ impl Stream {
                 }
             }
         }
+        self.strands
+            .finish::<S, Q>(simd, wide, way, &mut self.members);
     }
 }
 
@@ -530,24 +519,43 @@ fn hand_on<S: Simd>(
     for first in (0..count).step_by(STEP) {
         let eight = first..first + STEP;
         let met = bytes(&met[eight.clone()]);
-        let numbers = u8x16::simd_from(simd, u128::from(bytes(&list[eight])).to_le_bytes());
+        let numbers = Eight::new(simd, bytes(&list[eight]));
         let mut rest = union;
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize % LANES;
             rest &= rest - 1;
-            // The lane's bit of every byte, then all of these in the highest byte.
-            let bits = met >> lane & 0x0101_0101_0101_0101;
-            let set = (bits.wrapping_mul(0x0102_0408_1020_4080) >> 56) as usize;
-            let places = u128::from(u64::from_le_bytes(PLACES[set % 256])).to_le_bytes();
-            let chosen = numbers.swizzle_dyn(u8x16::simd_from(simd, places));
-            let chosen = u128::from_le_bytes(chosen.into()) as u64;
+            let (chosen, count) = numbers.choose(simd, met, lane);
             // What is behind those that are chosen is overwritten by what comes next.
             let place = counts[lane];
             lists[lane][place..place + STEP].copy_from_slice(&chosen.to_le_bytes());
-            counts[lane] += set.count_ones() as usize;
+            counts[lane] += count;
         }
     }
     counts
+}
+
+/// Up to eight rays by their numbers.
+pub(super) struct Eight<S: Simd>(u8x16<S>);
+
+impl<S: Simd> Eight<S> {
+    /// Numbers by bytes, the first the lowest.
+    #[inline(always)]
+    pub(super) fn new(simd: S, numbers: u64) -> Self {
+        Self(u8x16::simd_from(simd, u128::from(numbers).to_le_bytes()))
+    }
+
+    /// Those that meet the box in a lane, close together, and how many they are. `met` are the boxes
+    /// that each meets, byte by byte.
+    #[inline(always)]
+    pub(super) fn choose(&self, simd: S, met: u64, lane: usize) -> (u64, usize) {
+        // The lane's bit of every byte, then all of these in the highest byte.
+        let bits = met >> lane & 0x0101_0101_0101_0101;
+        let set = (bits.wrapping_mul(0x0102_0408_1020_4080) >> 56) as usize;
+        let places = u128::from(u64::from_le_bytes(PLACES[set % 256])).to_le_bytes();
+        let chosen = self.0.swizzle_dyn(u8x16::simd_from(simd, places));
+        let chosen = u128::from_le_bytes(chosen.into()) as u64;
+        (chosen, set.count_ones() as usize)
+    }
 }
 
 /// Eight bytes, the first the lowest.
@@ -557,41 +565,33 @@ fn bytes(bytes: &[u8]) -> u64 {
 }
 
 impl Members {
-    /// Takes a ray down from a node, alone.
+    /// Where a ray enters the boxes of a node's children, and which it meets within its range.
     #[inline(always)]
-    fn go_alone<S: Simd, Q: Query>(
-        &mut self,
+    pub(super) fn meet<S: Simd>(
+        &self,
         simd: S,
-        wide: &WideTree,
-        way: &Way,
-        node: u32,
         number: u8,
-    ) {
-        let own = &self.rays[usize::from(number)];
-        let slabs = Slabs::of_inverse(&own.ray, own.inverse, own.offset, way.slack);
-        let nearest = self.nearest(number);
-        let mut tester =
-            NearestTester::<S, Q>::new(simd, &wide.blocks, &own.ray, way.errors, nearest);
-        descend(simd, wide, &slabs, node, &mut tester);
-        let nearest = tester.nearest;
-        self.set_nearest(number, nearest);
+        planes: &Planes<S>,
+    ) -> (f32x8<S>, mask32x8<S>) {
+        self.rays[usize::from(number)].meet(simd, planes)
     }
 
-    /// Tests the rays of a list against the triangles of a block.
+    /// Tests the rays of a list against the triangles of a block, which none reaches before `near`.
     #[inline(always)]
-    fn visit<S: Simd, Q: Query>(
+    pub(super) fn visit<S: Simd, Q: Query>(
         &mut self,
         simd: S,
         blocks: &Blocks,
         index: usize,
         errors: &ErrorScale,
+        near: f32,
         list: &[u8],
     ) {
         let triangles = TriangleLanes::of_block(simd, blocks.get(index));
         let errors = errors.of(simd, &triangles);
         for &number in list {
             let mut nearest = self.nearest(number);
-            if Q::ANY && nearest.is_hit() {
+            if near > nearest.high {
                 continue;
             }
             let ray = &self.rays[usize::from(number)].ray;
@@ -620,9 +620,13 @@ impl Members {
 }
 
 impl StreamRay {
-    /// The boxes that the ray meets within its range; `enter` and `leave` are the planes of eight.
+    /// Where the ray enters eight boxes, and which it meets within its range.
     #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, enter: &[f32x8<S>; 3], leave: &[f32x8<S>; 3]) -> u8 {
+    fn meet<S: Simd>(
+        &self,
+        simd: S,
+        Planes { enter, leave }: &Planes<S>,
+    ) -> (f32x8<S>, mask32x8<S>) {
         let [a, b, c]: [f32x8<S>; 3] = splat(simd, self.inverse);
         let [d, e, f]: [f32x8<S>; 3] = splat(simd, self.offset);
         let t_min = f32x8::splat(simd, self.ray.t_min);
@@ -631,7 +635,7 @@ impl StreamRay {
             .max(enter[2].mul_sub(c, f).max(t_min));
         let last = (leave[0].mul_sub(a, d).min(leave[1].mul_sub(b, e)))
             .min(leave[2].mul_sub(c, f).min(t_max));
-        first.simd_le(last).to_bitmask() as u8
+        (first, first.simd_le(last))
     }
 }
 
@@ -640,19 +644,9 @@ fn row<S: Simd>(simd: S, node: &WideNode, row: usize) -> f32x8<S> {
     f32x8::simd_from(simd, node.bounds[row % 6])
 }
 
-/// The lanes of `union`, nearest first as seen along a direction, and their number.
+/// The lanes of `union` by their keys, the lowest first, and their number.
 #[inline(always)]
-fn order<S: Simd>(
-    simd: S,
-    node: &WideNode,
-    union: u8,
-    direction: &[f32; 3],
-) -> ([u8; LANES], usize) {
-    let [x, y, z] = *direction;
-    let keys = (row(simd, node, 0) + row(simd, node, 1)) * x
-        + (row(simd, node, 2) + row(simd, node, 3)) * y
-        + (row(simd, node, 4) + row(simd, node, 5)) * z;
-    let keys: [f32; LANES] = keys.into();
+pub(super) fn sorted(keys: &[f32; LANES], union: u8) -> ([u8; LANES], usize) {
     let mut order = [0; LANES];
     let mut count = 0;
     let mut rest = union;

@@ -18,7 +18,7 @@ const SHORT: [usize; 8] = [0, 1, 15, 16, 17, 63, 64, 65];
 /// Some rays of every kind of stream, more of each than a stream holds, and more than several threads' tasks.
 const LONG: [usize; 3] = [1000, 3000, 20_000];
 
-/// Numbers of threads that share a long slice.
+/// Numbers of threads that may share a long slice.
 const THREADS: [usize; 2] = [1, 3];
 
 /// Rays in an order, with what brute force says of each. Slices of any length begin at any group
@@ -68,8 +68,8 @@ pub(crate) fn check(all: &[Slices], tree: &KdTree<'_>, chosen: usize, what: &str
     }
 }
 
-/// The same in slices of many rays, of one kind after the other, divided among threads.
-pub(crate) fn check_long(all: &[Slices], tree: &KdTree<'_>, what: &str) {
+/// The same in a slice of many rays, of one kind after the other, divided among threads.
+pub(crate) fn check_long(all: &[Slices], tree: &KdTree<'_>, chosen: usize, what: &str) {
     if all.is_empty() {
         return;
     }
@@ -78,14 +78,12 @@ pub(crate) fn check_long(all: &[Slices], tree: &KdTree<'_>, what: &str) {
         rays: all.iter().flat_map(|slices| slices.rays.clone()).collect(),
         hits: all.iter().flat_map(|slices| slices.hits.clone()).collect(),
     };
-    for threads in THREADS {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.expect("a pool of a few threads").install(|| {
-            for (k, &length) in LONG.iter().enumerate() {
-                every_kind.check(tree, k, length, &format!("{what}, {threads} threads"));
-            }
-        });
-    }
+    let threads = THREADS[chosen / LONG.len() % THREADS.len()];
+    let what = format!("{what}, {threads} threads");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("a pool of a few threads").install(|| {
+        every_kind.check(tree, chosen, LONG[chosen % LONG.len()], &what);
+    });
 }
 
 impl Slices {

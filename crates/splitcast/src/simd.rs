@@ -155,14 +155,40 @@ pub trait Kernel {
 /// nodes or rays.
 #[inline(never)] // Kernels that call others stay small: compilers take long for large functions.
 pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    match level() {
+        Level::Fallback(simd) => compiled_for(simd, kernel),
+        level => in_vectors(level, kernel),
+    }
+}
+
+/// [`dispatch`] for kernels that pay only with vectors; `None` without. There is no scalar copy of them, which
+/// takes compilers several times as long as any other.
+#[inline(never)]
+pub(crate) fn dispatch_vectors<K: Kernel>(kernel: K) -> Option<K::Output> {
+    match level() {
+        Level::Fallback(_) => None,
+        level => Some(in_vectors(level, kernel)),
+    }
+}
+
+/// Whether kernels run on vectors.
+pub(crate) fn has_vectors() -> bool {
+    !matches!(level(), Level::Fallback(_))
+}
+
+/// The instruction set that kernels run with.
+fn level() -> Level {
     let forced = usize::from(FORCED.load(Ordering::Relaxed));
-    let level = forced
+    forced
         .checked_sub(1)
         .and_then(|place| SimdLevel::ALL[place].level())
-        .unwrap_or_else(Level::new);
+        .unwrap_or_else(Level::new)
+}
+
+#[inline(always)]
+fn in_vectors<K: Kernel>(level: Level, kernel: K) -> K::Output {
     // Every copy takes time to compile: machines with SSE4.2 and nothing better make do with SSE2.
     match level {
-        Level::Fallback(simd) => compiled_for(simd, kernel),
         #[cfg(target_arch = "x86_64")]
         Level::Avx512(simd) => compiled_for(simd, kernel),
         #[cfg(target_arch = "x86_64")]

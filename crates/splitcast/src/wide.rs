@@ -13,7 +13,6 @@ pub(crate) mod leaf;
 pub(crate) mod refit;
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -26,11 +25,8 @@ use crate::{Aabb, CostModel, Mesh};
 /// Children of a node, and triangles of a block: one a lane.
 pub(crate) const LANES: usize = 8;
 
-/// Blocks of a chunk, at most.
-pub(crate) const CHUNK: usize = 1 << CHUNK_BITS;
-
-/// Bits of a block's index that tell its place in its chunk.
-const CHUNK_BITS: u32 = 8;
+/// Blocks that one task makes or brings up to date.
+pub(crate) const CHUNK: usize = 256;
 
 /// A node: the boxes of up to eight children, lane by lane, and where those are. Four cache lines.
 #[derive(Clone, Copy, Debug)]
@@ -166,17 +162,16 @@ pub(crate) struct WideTree {
     pub(crate) blocks: Blocks,
 }
 
-/// Blocks, in chunks that several trees may share. Indices have gaps, behind chunks that are not
-/// full. A triangle's place is its block's index times eight, and its lane.
+/// Blocks by their indices. A triangle's place is its block's index times eight, and its lane.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blocks {
-    pub(crate) chunks: Vec<Arc<Vec<Block>>>,
+    pub(crate) list: Vec<Block>,
 }
 
 impl Blocks {
     #[inline(always)]
     pub(crate) fn get(&self, index: usize) -> &Block {
-        &self.chunks[index >> CHUNK_BITS][index % CHUNK]
+        &self.list[index]
     }
 
     /// The block and the lane of a place.
@@ -188,19 +183,7 @@ impl Blocks {
 
     /// The block of an index, if there is one.
     pub(crate) fn find(&self, index: usize) -> Option<&Block> {
-        self.chunks.get(index / CHUNK)?.get(index % CHUNK)
-    }
-
-    /// Behind the highest index.
-    pub(crate) fn end(&self) -> usize {
-        let last = self.chunks.last();
-        last.map_or(0, |last| (self.chunks.len() - 1) * CHUNK + last.len())
-    }
-
-    /// Bytes allocated.
-    fn bytes(&self) -> usize {
-        let blocks: usize = self.chunks.iter().map(|chunk| chunk.capacity()).sum();
-        self.chunks.capacity() * size_of::<Arc<Vec<Block>>>() + blocks * size_of::<Block>()
+        self.list.get(index)
     }
 }
 
@@ -272,7 +255,7 @@ impl WideTree {
     pub(crate) fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<WideNode>()
             + self.origins.capacity() * size_of::<u32>()
-            + self.blocks.bytes()
+            + self.blocks.list.capacity() * size_of::<Block>()
     }
 }
 
@@ -284,35 +267,25 @@ pub(crate) fn wide_leaves(
     references: &[u32],
 ) -> (Vec<WideNode>, Blocks) {
     let leaves = leaves(nodes, cells);
-    let made: Vec<(Vec<WideNode>, Vec<Block>)> = groups(&leaves)
-        .par_iter()
-        .map_init(LeafMemory::default, |memory, group| {
-            leaf::group(mesh, &leaves[group.clone()], references, memory)
+    let groups = groups(&leaves);
+    let count = groups.iter().map(|group| group.blocks).sum();
+    let mut list = vec![Block::ZERO; count];
+    let (mut tasks, mut rest, mut base) = (Vec::with_capacity(groups.len()), &mut list[..], 0);
+    for group in &groups {
+        let (own, others) = rest.split_at_mut(group.blocks);
+        tasks.push((&leaves[group.leaves.clone()], base, own));
+        (rest, base) = (others, base + group.blocks);
+    }
+    let made: Vec<Vec<WideNode>> = tasks
+        .into_par_iter()
+        .map_init(LeafMemory::default, |memory, (leaves, base, blocks)| {
+            leaf::group(mesh, leaves, references, memory, base, blocks)
         })
         .collect();
     // Half of the nodes are leaves, and a fifth as many new ones come above them.
     let mut wide = Vec::with_capacity(leaves.len() + leaves.len() / 4 + 2);
-    let mut chunks = Vec::with_capacity(made.len());
-    for (leaves, mut blocks) in made {
-        let base = (chunks.len() * CHUNK) as u32;
-        wide.extend(leaves.iter().map(|leaf| {
-            let mut leaf = *leaf;
-            for lane in 0..LANES {
-                if leaf.end[lane] > 0 {
-                    leaf.first[lane] += base;
-                    leaf.end[lane] += base;
-                }
-            }
-            leaf
-        }));
-        while blocks.len() > CHUNK {
-            let rest = blocks.split_off(CHUNK);
-            chunks.push(Arc::new(blocks));
-            blocks = rest;
-        }
-        chunks.push(Arc::new(blocks));
-    }
-    (wide, Blocks { chunks })
+    wide.extend(made.into_iter().flatten());
+    (wide, Blocks { list })
 }
 
 /// A leaf of a kd-tree.
@@ -352,18 +325,37 @@ fn leaves(nodes: &[Node], cells: Cells) -> Vec<Leaf> {
     found
 }
 
-/// Runs of leaves whose blocks fill a chunk, or single leaves of more.
-fn groups(leaves: &[Leaf]) -> Vec<Range<usize>> {
+impl Leaf {
+    /// Number of blocks.
+    fn blocks(&self) -> usize {
+        self.references.len().div_ceil(LANES)
+    }
+}
+
+/// A run of leaves.
+struct Group {
+    leaves: Range<usize>,
+    /// Number of blocks of all.
+    blocks: usize,
+}
+
+/// Runs of leaves with as many blocks as one task makes, or single leaves of more.
+fn groups(leaves: &[Leaf]) -> Vec<Group> {
     let mut groups = Vec::new();
     let (mut start, mut blocks) = (0, 0);
     for (index, leaf) in leaves.iter().enumerate() {
-        let own = leaf.references.len().div_ceil(LANES);
-        if blocks > 0 && blocks + own > CHUNK {
-            groups.push(start..index);
+        if blocks > 0 && blocks + leaf.blocks() > CHUNK {
+            groups.push(Group {
+                leaves: start..index,
+                blocks,
+            });
             (start, blocks) = (index, 0);
         }
-        blocks += own;
+        blocks += leaf.blocks();
     }
-    groups.push(start..leaves.len());
+    groups.push(Group {
+        leaves: start..leaves.len(),
+        blocks,
+    });
     groups
 }

@@ -2,8 +2,6 @@
 //! against. They are formed once, and serve for as long as their triangles
 //! stay close to each other.
 
-use std::sync::Arc;
-
 use rayon::prelude::*;
 
 use super::hierarchy::blocks_of;
@@ -47,22 +45,20 @@ pub(super) struct Clusters {
 /// Blocks of triangles that follow each other in the mesh: the least that can be done, and all to be
 /// formed anew.
 pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
-    let (mut blocks, mut clusters) = (Blocks::default(), Clusters::default());
+    let mut clusters = Clusters::default();
     let all: Vec<u32> = (0..triangles.len())
         .map(|place| triangles.triangle(place))
         .collect();
-    for triangles in all.chunks(LANES * CHUNK) {
-        let block = |own: &[u32]| {
-            let mut block = Block::ZERO;
-            for (lane, triangle) in block.triangles.iter_mut().enumerate() {
-                *triangle = own[lane.min(own.len() - 1)];
-            }
-            block
-        };
-        let chunk: Vec<Block> = triangles.chunks(LANES).map(block).collect();
-        blocks.chunks.push(Arc::new(chunk));
-    }
-    clusters.grow(blocks.end());
+    let block = |own: &[u32]| {
+        let mut block = Block::ZERO;
+        for (lane, triangle) in block.triangles.iter_mut().enumerate() {
+            *triangle = own[lane.min(own.len() - 1)];
+        }
+        block
+    };
+    let list: Vec<Block> = all.chunks(LANES).map(block).collect();
+    clusters.grow(list.len());
+    let mut blocks = Blocks { list };
     for own in &mut clusters.boxes {
         *own = Reference::new([0.0; 3], [0.0; 3], own.triangle);
     }
@@ -78,13 +74,14 @@ pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
 pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
     let (storage, mut clusters) = (formed(triangles), Clusters::default());
     let wide = &storage.wide;
-    clusters.grow(wide.blocks.end());
+    clusters.grow(wide.blocks.list.len());
     let areas = clusters.areas.par_chunks_mut(CHUNK);
     let sizes = clusters.sizes.par_chunks_mut(CHUNK);
     let own = areas.zip(sizes);
-    (wide.blocks.chunks.par_iter().zip(own)).for_each(|(chunk, (areas, sizes))| {
-        triangle_areas(chunk, areas);
-        for (block, size) in chunk.iter().zip(sizes) {
+    let blocks = wide.blocks.list.par_chunks(CHUNK);
+    blocks.zip(own).for_each(|(blocks, (areas, sizes))| {
+        triangle_areas(blocks, areas);
+        for (block, size) in blocks.iter().zip(sizes) {
             *size = block.size();
         }
     });
@@ -170,18 +167,17 @@ impl Clusters {
     pub(super) fn refit(&mut self, mesh: Mesh<'_>, blocks: &mut Blocks, moved: Option<&[bool]>) {
         let boxes = self.boxes.par_chunks_mut(CHUNK);
         let areas = self.areas.par_chunks_mut(CHUNK);
-        let chunks = blocks.chunks.par_iter_mut().zip(boxes.zip(areas));
+        let chunks = (blocks.list.par_chunks_mut(CHUNK)).zip(boxes.zip(areas));
         chunks
             .enumerate()
-            .for_each(|(index, (chunk, (boxes, areas)))| {
+            .for_each(|(index, (blocks, (boxes, areas)))| {
                 let moved = moved.map(|moved| &moved[index * CHUNK..][..boxes.len()]);
                 if moved.is_some_and(|moved| !moved.contains(&true)) {
                     return;
                 }
-                let chunk: &mut Vec<Block> = Arc::make_mut(chunk);
                 match moved {
-                    None => refit_blocks(mesh, chunk, boxes, areas, |_| true),
-                    Some(moved) => refit_blocks(mesh, chunk, boxes, areas, |place| moved[place]),
+                    None => refit_blocks(mesh, blocks, boxes, areas, |_| true),
+                    Some(moved) => refit_blocks(mesh, blocks, boxes, areas, |place| moved[place]),
                 }
             });
     }
@@ -272,8 +268,7 @@ impl Clusters {
             {
                 continue;
             }
-            let chunk = Arc::make_mut(&mut blocks.chunks[index / CHUNK]);
-            let triangles = &mut chunk[index % CHUNK].triangles;
+            let triangles = &mut blocks.list[index].triangles;
             let Some(&stays) = triangles.iter().find(|&&triangle| !gone(triangle)) else {
                 *own = Reference::new(Aabb::EMPTY.min, Aabb::EMPTY.max, own.triangle);
                 self.free.push(own.triangle);
@@ -343,10 +338,9 @@ impl Clusters {
             places.push(own.collect::<Vec<u32>>());
         }
         self.grow(end);
-        let chunks = end.div_ceil(CHUNK).max(blocks.chunks.len());
-        blocks.chunks.resize_with(chunks, Arc::default);
+        blocks.list.resize(end, Block::ZERO);
         // What goes into each chunk, so that these are filled side by side.
-        let mut incoming: Vec<Vec<(usize, &NewBlock)>> = vec![Vec::new(); chunks];
+        let mut incoming: Vec<Vec<(usize, &NewBlock)>> = vec![Vec::new(); end.div_ceil(CHUNK)];
         for (&index, new) in places.iter().flatten().zip(batches.iter().flatten()) {
             incoming[index as usize / CHUNK].push((index as usize % CHUNK, new));
         }
@@ -355,18 +349,10 @@ impl Clusters {
         let formed = self.formed.par_chunks_mut(CHUNK);
         let sizes = self.sizes.par_chunks_mut(CHUNK);
         let own = boxes.zip(areas).zip(formed.zip(sizes));
-        let chunks = blocks.chunks.par_iter_mut().zip(own).zip(&incoming);
-        chunks.for_each(|((chunk, ((boxes, areas), (formed, sizes))), incoming)| {
-            if incoming.is_empty() {
-                return;
-            }
-            let chunk = Arc::make_mut(chunk);
+        let chunks = (blocks.list.par_chunks_mut(CHUNK)).zip(own).zip(&incoming);
+        chunks.for_each(|((blocks, ((boxes, areas), (formed, sizes))), incoming)| {
             for &(place, new) in incoming {
-                if place < chunk.len() {
-                    chunk[place] = new.block;
-                } else {
-                    chunk.resize(place + 1, new.block);
-                }
+                blocks[place] = new.block;
                 boxes[place] =
                     Reference::new(new.bounds.min, new.bounds.max, boxes[place].triangle);
                 areas[place] = new.area;
@@ -429,27 +415,20 @@ fn leaf_share(leaf: &WideNode) -> f32 {
 /// Triangles in blocks of neighbors.
 fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<NewBlock> {
     let wide = formed(&Triangles::these(mesh, triangles)).wide;
-    let mut formed = Vec::with_capacity(wide.blocks.end());
-    let mut areas = [0.0; CHUNK];
-    let mut leaves = wide.nodes()[..wide.leaf_count()].iter().peekable();
-    for (index, chunk) in wide.blocks.chunks.iter().enumerate() {
-        triangle_areas(chunk, &mut areas);
-        let here = |leaf: &&&WideNode| leaf.blocks(0).start / CHUNK == index;
-        while let Some(leaf) = leaves.next_if(|leaf| here(&leaf)) {
-            let share = leaf_share(leaf);
-            for lane in 0..LANES {
-                let bounds = leaf.bounds_of(lane);
-                formed.extend(leaf.blocks(lane).map(|place| {
-                    let area = areas[place % CHUNK];
-                    NewBlock {
-                        block: *wide.block(place),
-                        bounds,
-                        area,
-                        formed: spread(&bounds, share, area),
-                        opens_leaf: lane == 0,
-                    }
-                }));
-            }
+    let mut areas = vec![0.0; wide.blocks.list.len()];
+    triangle_areas(&wide.blocks.list, &mut areas);
+    let mut formed = Vec::with_capacity(areas.len());
+    for leaf in &wide.nodes()[..wide.leaf_count()] {
+        let share = leaf_share(leaf);
+        for lane in 0..LANES {
+            let bounds = leaf.bounds_of(lane);
+            formed.extend(leaf.blocks(lane).map(|place| NewBlock {
+                block: *wide.block(place),
+                bounds,
+                area: areas[place],
+                formed: spread(&bounds, share, areas[place]),
+                opens_leaf: lane == 0,
+            }));
         }
     }
     formed

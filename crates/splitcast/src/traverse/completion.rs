@@ -7,7 +7,7 @@ use fearless_simd::{f32x16, f64x8};
 use super::packet::GROUP;
 use super::triangle::{Crossing, TriangleInFrame, area_normal, unit};
 use crate::Hit;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_vectors};
 use crate::wide::Blocks;
 
 /// A point or a vector for each ray of a group.
@@ -37,7 +37,7 @@ pub(super) fn complete(
     hit: u32,
     hits: &mut [Option<Hit>; GROUP],
 ) -> u32 {
-    dispatch(Completion {
+    dispatch_vectors(Completion {
         blocks,
         axes,
         lines,
@@ -45,6 +45,7 @@ pub(super) fn complete(
         hit,
         hits,
     })
+    .unwrap_or(hit)
 }
 
 /// The arguments of [`complete`].

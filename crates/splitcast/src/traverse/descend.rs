@@ -255,24 +255,6 @@ pub(super) struct Slabs {
 const OPEN: (f32, [f32; 2]) = (1.0, [f32::MAX, f32::MIN]);
 
 impl Slabs {
-    /// Those of a ray of a stream, given one over its direction and the origin times that.
-    #[inline(always)]
-    pub(super) fn of_inverse(ray: &Ray, inverse: [f32; 3], offset: [f32; 3], slack: f32) -> Self {
-        let mut slabs = Self {
-            scale: inverse,
-            enter: offset,
-            leave: offset,
-            t_min: ray.t_min,
-            least_t_max: f32::NEG_INFINITY,
-        };
-        for axis in 0..3 {
-            let slack = slack * inverse[axis].abs();
-            slabs.enter[axis] += slack;
-            slabs.leave[axis] -= slack;
-        }
-        slabs
-    }
-
     /// Those of a ray among boxes within `bounds`.
     #[inline(always)]
     pub(super) fn new(ray: &Ray, bounds: &Aabb) -> Self {

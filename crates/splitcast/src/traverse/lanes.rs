@@ -312,12 +312,14 @@ impl<S: Simd, V: SimdFloat<S, Element = f32>> Distance<S, V> {
     }
 }
 
+/// The cross product. Signs are changed on the first vector's side, the ray's: compilers would keep the
+/// negatives of what belongs to a triangle for all rays, and have too few registers for that.
 #[inline(always)]
 fn cross<S: Simd, V: SimdFloat<S, Element = f32>>(a: &Point<V>, b: &Point<V>) -> Point<V> {
     [
-        a[1].mul_sub(b[2], a[2] * b[1]),
-        a[2].mul_sub(b[0], a[0] * b[2]),
-        a[0].mul_sub(b[1], a[1] * b[0]),
+        (-a[2]).mul_add(b[1], a[1] * b[2]),
+        (-a[0]).mul_add(b[2], a[2] * b[0]),
+        (-a[1]).mul_add(b[0], a[0] * b[1]),
     ]
 }
 

@@ -22,7 +22,7 @@ use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, box
 use super::nearest::{NONE, Nearest, Query};
 use super::triangle::frame_axes;
 use crate::aabb::{lower, upper};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_vectors};
 use crate::wide::{Blocks, LANES, WideTree};
 use crate::{Hit, KdTree, Ray};
 
@@ -120,14 +120,15 @@ impl<'q> Packet<'q> {
     }
 
     /// Traces those of up to [`PACKET`] rays that are alike, group by group, and gives the set of
-    /// their groups: bit by bit, the first the lowest.
+    /// their groups: bit by bit, the first the lowest. None without vectors.
     pub(super) fn trace<Q: Query>(&mut self, tree: &KdTree<'_>, rays: &'q [Ray]) -> u32 {
-        dispatch(OnePacket::<Q> {
+        dispatch_vectors(OnePacket::<Q> {
             tree,
             rays,
             packet: self,
             query: PhantomData,
         })
+        .unwrap_or(0)
     }
 
     /// [`trace`](Self::trace) with an instruction set.

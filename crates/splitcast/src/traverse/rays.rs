@@ -2,11 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::Alone;
-use super::nearest::{AnyHits, ClosestHits, Nearest};
+use super::nearest::{AnyHits, ClosestHits};
 use super::packet::{GROUP, PACKET, Packet};
 use super::stream::{StreamQuery, Streams};
-use crate::simd::dispatch;
+use crate::simd::has_vectors;
 use crate::{Hit, KdTree, Ray};
 
 /// Rays of a task: some hundreds of microseconds, and enough for streams.
@@ -52,6 +51,7 @@ fn trace<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::Answe
 /// into neither. Each of these is a kernel of its own, since compilers take long for large functions.
 fn trace_task<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::Answer]) {
     let mut packet = Packet::new(tree);
+    let streamed = rays.len() >= STREAMED && has_vectors();
     let mut streams: Option<Streams<'_, '_>> = None;
     let mut start = 0;
     while start < rays.len() {
@@ -65,15 +65,13 @@ fn trace_task<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::
                 continue;
             }
             for place in places {
-                let ray = &rays[place];
-                if rays.len() >= STREAMED {
+                if streamed {
                     let streams = streams.get_or_insert_with(|| Streams::new(tree, rays));
                     if streams.add(place) {
                         continue;
                     }
                 }
-                let nearest = dispatch(Alone::<Q>::new(tree, ray)).0;
-                answers[place] = Q::of_ray(tree, ray, nearest);
+                answers[place] = Q::alone(tree, &rays[place]);
             }
         }
         start += packed.len();
@@ -87,18 +85,11 @@ fn trace_task<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::
 trait SliceQuery: StreamQuery<Answer: Send> {
     /// Puts down answers for a group of a packet.
     fn of_group(packet: &Packet<'_>, group: usize, answers: &mut [Self::Answer]);
-
-    /// The answer for a ray.
-    fn of_ray(tree: &KdTree<'_>, ray: &Ray, nearest: Nearest) -> Self::Answer;
 }
 
 impl SliceQuery for ClosestHits {
     fn of_group(packet: &Packet<'_>, group: usize, hits: &mut [Option<Hit>]) {
         packet.complete(group, hits);
-    }
-
-    fn of_ray(tree: &KdTree<'_>, ray: &Ray, nearest: Nearest) -> Option<Hit> {
-        nearest.into_hit(&tree.wide().blocks, ray)
     }
 }
 
@@ -107,9 +98,5 @@ impl SliceQuery for AnyHits {
         for (lane, occluded) in occluded.iter_mut().enumerate() {
             *occluded = packet.is_hit(group * GROUP + lane);
         }
-    }
-
-    fn of_ray(_: &KdTree<'_>, _: &Ray, nearest: Nearest) -> bool {
-        nearest.is_hit()
     }
 }

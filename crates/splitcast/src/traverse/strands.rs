@@ -10,7 +10,7 @@ use fearless_simd::prelude::*;
 use super::nearest::Query;
 use super::stream::{Eight, Members, STEP, Way};
 use crate::prefetch::prefetch;
-use crate::wide::{LANES, WideTree};
+use crate::wide::{LANES, WideNode, WideTree};
 
 /// Rays of a short list, at most.
 pub(super) const SHORT: usize = STEP;
@@ -142,13 +142,27 @@ impl Strands {
     ) {
         let numbers = visit.list.to_le_bytes();
         let list = &numbers[..(visit.count as usize).min(SHORT)];
+        // Most lists end as single rays, which take less without loops.
+        let one = &numbers[..1];
         if visit.place & BLOCK != 0 {
+            let (blocks, errors, near) = (&wide.blocks, &way.errors, visit.near);
             let block = (visit.place & !BLOCK) as usize;
-            members.visit::<S, Q>(simd, &wide.blocks, block, &way.errors, visit.near, list);
+            if visit.count == 1 {
+                members.visit::<S, Q>(simd, blocks, block, errors, near, one);
+            } else {
+                members.visit::<S, Q>(simd, blocks, block, errors, near, list);
+            }
             return;
         }
         let node = &wide.nodes()[visit.place as usize];
         let planes = way.planes(simd, node);
+        let stack = &mut self.stacks[strand];
+        if visit.count == 1 {
+            let (near, meets) = members.meet(simd, one[0], &planes);
+            let union = meets.to_bitmask() as u8;
+            push_children::<Q>(stack, wide, node, &near.into(), union, |_| (visit.list, 1));
+            return;
+        }
         let none = f32x8::splat(simd, f32::INFINITY);
         let (mut near, mut met, mut union) = (none, [0; STEP], 0);
         for (&number, met) in list.iter().zip(&mut met) {
@@ -157,45 +171,63 @@ impl Strands {
             *met = meets.to_bitmask() as u8;
             union |= *met;
         }
-        if union == 0 {
-            return;
-        }
-        let near: [f32; LANES] = near.into();
         let met = u64::from_le_bytes(met);
         let numbers = Eight::new(simd, visit.list);
-        let stack = &mut self.stacks[strand];
-        let first = stack.len();
-        let mut nearest = first;
-        let mut rest = union;
-        while rest != 0 {
-            let lane = rest.trailing_zeros() as usize % LANES;
-            rest &= rest - 1;
-            let (list, count) = numbers.choose(simd, met, lane);
-            if !Q::ANY && near[lane] < stack.get(nearest).map_or(f32::INFINITY, |last| last.near) {
-                nearest = stack.len();
+        push_children::<Q>(stack, wide, node, &near.into(), union, |lane| {
+            numbers.choose(simd, met, lane)
+        });
+    }
+}
+
+/// Puts the children of a node in the lanes of `union` on a stack, the nearest last if it matters.
+/// `chosen` gives the list of each and its length.
+#[inline(always)]
+fn push_children<Q: Query>(
+    stack: &mut Vec<Visit>,
+    wide: &WideTree,
+    node: &WideNode,
+    near: &[f32; LANES],
+    union: u8,
+    chosen: impl Fn(usize) -> (u64, usize),
+) {
+    if union == 0 {
+        return;
+    }
+    let (mut nearest, mut distance) = (0, f32::INFINITY);
+    let mut rest = union;
+    while rest != 0 {
+        let lane = rest.trailing_zeros() as usize % LANES;
+        rest &= rest - 1;
+        let (list, count) = chosen(lane);
+        let near = near[lane];
+        nearest = if near < distance {
+            stack.len()
+        } else {
+            nearest
+        };
+        distance = if near < distance { near } else { distance };
+        let mut push = |place| {
+            stack.push(Visit {
+                place,
+                near,
+                list,
+                count: count as u32,
+            });
+        };
+        if node.is_leaf() {
+            for block in node.blocks(lane) {
+                prefetch(wide.block(block));
+                push(block as u32 | BLOCK);
             }
-            let mut push = |place| {
-                stack.push(Visit {
-                    place,
-                    near: near[lane],
-                    list,
-                    count: count as u32,
-                });
-            };
-            if node.is_leaf() {
-                for block in node.blocks(lane) {
-                    prefetch(wide.block(block));
-                    push(block as u32 | BLOCK);
-                }
-            } else {
-                let child = node.child(lane);
-                prefetch(&wide.nodes()[child as usize]);
-                push(child);
-            }
+        } else {
+            let child = node.child(lane);
+            prefetch(&wide.nodes()[child as usize]);
+            push(child);
         }
-        if !Q::ANY && stack.len() > first {
-            let last = stack.len() - 1;
-            stack.swap(nearest, last);
-        }
+    }
+    // The order of the others hardly matters, and finding it takes more than it gives.
+    if !Q::ANY && distance < f32::INFINITY {
+        let last = stack.len() - 1;
+        stack.swap(nearest, last);
     }
 }

@@ -25,7 +25,7 @@ use super::strands::{ANYWHERE, SHORT, Strands};
 use super::triangle::{frame_axes, largest_axis};
 use crate::aabb::upper;
 use crate::prefetch::prefetch;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_vectors};
 use crate::wide::{Blocks, LANES, WideNode, WideTree};
 use crate::{Aabb, Hit, KdTree, Ray};
 
@@ -253,15 +253,23 @@ impl<'q, 'm> Streams<'q, 'm> {
                 continue;
             }
             let numbers = &self.waiting[kind][..self.counts[kind]];
-            dispatch(OneStream::<Q> {
+            let traced = dispatch_vectors(OneStream::<Q> {
                 tree: self.tree,
                 rays: self.rays,
                 numbers,
                 stream: &mut self.stream,
                 query: PhantomData,
             });
-            let (axes, blocks) = (frame_axes(kind / 8), &self.tree.wide().blocks);
-            Q::answer(&self.stream, axes, blocks, numbers, answers);
+            if traced.is_some() {
+                let (axes, blocks) = (frame_axes(kind / 8), &self.tree.wide().blocks);
+                Q::answer(&self.stream, axes, blocks, numbers, answers);
+            } else {
+                // Somebody has just forbidden vectors.
+                for &number in numbers {
+                    let number = number as usize;
+                    answers[number] = Q::alone(self.tree, &self.rays[number]);
+                }
+            }
             self.counts[kind] = 0;
         }
     }
@@ -298,6 +306,9 @@ pub(super) trait StreamQuery: Query {
     /// What is to be known of a ray.
     type Answer;
 
+    /// The answer for a ray that goes alone.
+    fn alone(tree: &KdTree<'_>, ray: &Ray) -> Self::Answer;
+
     /// Puts down answers for the rays of a stream, given their numbers in the slice; the last of `axes` is that of
     /// their directions' largest component.
     fn answer(
@@ -312,6 +323,10 @@ pub(super) trait StreamQuery: Query {
 impl StreamQuery for AnyHits {
     type Answer = bool;
 
+    fn alone(tree: &KdTree<'_>, ray: &Ray) -> bool {
+        tree.occluded(ray)
+    }
+
     fn answer(stream: &Stream, _: [usize; 3], _: &Blocks, numbers: &[u32], answers: &mut [bool]) {
         for (&number, &place) in numbers.iter().zip(&stream.members.places) {
             answers[number as usize] = place != NONE;
@@ -321,6 +336,10 @@ impl StreamQuery for AnyHits {
 
 impl StreamQuery for ClosestHits {
     type Answer = Option<Hit>;
+
+    fn alone(tree: &KdTree<'_>, ray: &Ray) -> Option<Hit> {
+        tree.closest_hit(ray)
+    }
 
     fn answer(
         stream: &Stream,

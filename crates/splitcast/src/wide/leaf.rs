@@ -39,18 +39,22 @@ struct Order {
     places: Vec<f32>,
 }
 
-/// Leaves in wide form, and their blocks: indices count from the first of these.
+/// Leaves in wide form. Puts down their blocks, the first of which has the index `base`.
 pub(super) fn group(
     mesh: Mesh<'_>,
     leaves: &[Leaf],
     references: &[u32],
     memory: &mut LeafMemory,
-) -> (Vec<WideNode>, Vec<Block>) {
+    base: usize,
+    blocks: &mut [Block],
+) -> Vec<WideNode> {
     dispatch(Group {
         mesh,
         leaves,
         references,
         memory,
+        base,
+        blocks,
     })
 }
 
@@ -60,10 +64,12 @@ struct Group<'a> {
     leaves: &'a [Leaf],
     references: &'a [u32],
     memory: &'a mut LeafMemory,
+    base: usize,
+    blocks: &'a mut [Block],
 }
 
 impl Kernel for Group<'_> {
-    type Output = (Vec<WideNode>, Vec<Block>);
+    type Output = Vec<WideNode>;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Self::Output {
@@ -72,28 +78,32 @@ impl Kernel for Group<'_> {
             leaves,
             references,
             memory,
+            mut base,
+            mut blocks,
         } = self;
-        let blocks_of = |leaf: &Leaf| leaf.references.len().div_ceil(LANES);
-        let mut blocks = Vec::with_capacity(leaves.iter().map(blocks_of).sum());
         let mut nodes = Vec::with_capacity(leaves.len());
         for leaf in leaves {
             let triangles = &references[leaf.references.clone()];
             memory.read(simd, mesh, triangles, &leaf.cell);
-            nodes.push(node(simd, triangles, memory, &mut blocks));
+            let (own, others) = blocks.split_at_mut(leaf.blocks());
+            nodes.push(node(simd, triangles, memory, base, own));
+            (blocks, base) = (others, base + leaf.blocks());
         }
-        (nodes, blocks)
+        nodes
     }
 }
 
-/// The wide node of a leaf over `triangles`, whose blocks it adds to those of the leaves before.
+/// The wide node of a leaf over `triangles`. Puts down its blocks, the first of which has the index `base`.
 #[inline(always)]
 fn node<S: Simd>(
     simd: S,
     triangles: &[u32],
     memory: &mut LeafMemory,
-    blocks: &mut Vec<Block>,
+    base: usize,
+    blocks: &mut [Block],
 ) -> WideNode {
     let mut node = WideNode::EMPTY_LEAF;
+    let mut made = 0;
     // Segments of the order in reverse, with how often each has been halved.
     let mut segments = [(0, triangles.len(), 0); LANES];
     let mut waiting = 1;
@@ -114,11 +124,12 @@ fn node<S: Simd>(
             continue;
         }
         node.set_bounds(lane, &memory.bounds_of(simd, start..end));
-        node.first[lane] = blocks.len() as u32;
+        node.first[lane] = (base + made) as u32;
         for first in (start..end).step_by(LANES) {
-            blocks.push(memory.block(simd, triangles, first..end));
+            blocks[made] = memory.block(simd, triangles, first..end);
+            made += 1;
         }
-        node.end[lane] = blocks.len() as u32;
+        node.end[lane] = (base + made) as u32;
         lane += 1;
     }
     node

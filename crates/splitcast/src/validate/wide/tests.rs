@@ -1,10 +1,8 @@
 //! A wide form that is whole, and that form broken in every way that has a name.
 
-use std::sync::Arc;
-
 use super::*;
 use crate::validate::MAX_REPORTED;
-use crate::wide::{CHUNK, WideTree};
+use crate::wide::WideTree;
 use crate::{BuildOptions, Mesh};
 
 /// Triangles lie apart from each other, so many a side: wide nodes on several levels.
@@ -63,7 +61,7 @@ fn damaged(damage: impl FnOnce(&mut WideTree, Places)) -> (Vec<Violation>, Place
 /// The second leaf's first block.
 fn block_of(wide: &mut WideTree) -> &mut Block {
     let first = wide.nodes[1].first[0] as usize;
-    &mut Arc::make_mut(&mut wide.blocks.chunks[first / CHUNK])[first % CHUNK]
+    &mut wide.blocks.list[first]
 }
 
 #[test]

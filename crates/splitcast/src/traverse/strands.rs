@@ -193,7 +193,7 @@ fn push_children<Q: Query>(
     if union == 0 {
         return;
     }
-    let (mut nearest, mut distance) = (0, f32::INFINITY);
+    let (mut nearest, mut distance) = (usize::MAX, f32::INFINITY);
     let mut rest = union;
     while rest != 0 {
         let lane = rest.trailing_zeros() as usize % LANES;
@@ -226,8 +226,8 @@ fn push_children<Q: Query>(
         }
     }
     // The order of the others hardly matters, and finding it takes more than it gives.
-    if !Q::ANY && distance < f32::INFINITY {
-        let last = stack.len() - 1;
+    let last = stack.len().saturating_sub(1);
+    if !Q::ANY && nearest < last {
         stack.swap(nearest, last);
     }
 }

@@ -226,6 +226,7 @@ impl<'q, 'm> Streams<'q, 'm> {
             && b <= largest
             && c <= largest
             && ray.t_min <= ray.t_max
+            && ray.t_min.is_finite()
             && (ray.origin[0] - self.middle[0]).abs() <= self.farthest
             && (ray.origin[1] - self.middle[1]).abs() <= self.farthest
             && (ray.origin[2] - self.middle[2]).abs() <= self.farthest;

@@ -21,6 +21,7 @@ pub struct Ray {
 
 impl Ray {
     /// The half line from `origin` along `direction`: `t` from 0 to infinity.
+    #[inline]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         Self {
             origin,
@@ -31,6 +32,7 @@ impl Ray {
     }
 
     /// The same ray, limited to `t_min <= t <= t_max`.
+    #[inline]
     #[must_use]
     pub fn with_range(mut self, t_min: f32, t_max: f32) -> Self {
         self.t_min = t_min;
@@ -39,6 +41,7 @@ impl Ray {
     }
 
     /// The point at `t`.
+    #[inline]
     pub fn at(&self, t: f32) -> [f32; 3] {
         std::array::from_fn(|axis| self.origin[axis] + t * self.direction[axis])
     }

@@ -16,7 +16,7 @@ use crate::wide::{LANES, WideNode, WideTree};
 pub(super) const SHORT: usize = STEP;
 
 /// Lists that take turns.
-const STRANDS: usize = 4;
+const STRANDS: usize = 8;
 
 /// The bit of a place that tells blocks from nodes; indices of either are smaller.
 const BLOCK: u32 = 1 << 31;

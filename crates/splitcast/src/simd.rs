@@ -157,23 +157,8 @@ pub trait Kernel {
 pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     match level() {
         Level::Fallback(simd) => compiled_for(simd, kernel),
-        level => in_vectors(level, kernel),
+        level => Vectors(level).run(kernel),
     }
-}
-
-/// [`dispatch`] for kernels that pay only with vectors; `None` without. There is no scalar copy of them, which
-/// takes compilers several times as long as any other.
-#[inline(never)]
-pub(crate) fn dispatch_vectors<K: Kernel>(kernel: K) -> Option<K::Output> {
-    match level() {
-        Level::Fallback(_) => None,
-        level => Some(in_vectors(level, kernel)),
-    }
-}
-
-/// Whether kernels run on vectors.
-pub(crate) fn has_vectors() -> bool {
-    !matches!(level(), Level::Fallback(_))
 }
 
 /// The instruction set that kernels run with.
@@ -185,20 +170,36 @@ fn level() -> Level {
         .unwrap_or_else(Level::new)
 }
 
-#[inline(always)]
-fn in_vectors<K: Kernel>(level: Level, kernel: K) -> K::Output {
-    // Every copy takes time to compile: machines with SSE4.2 and nothing better make do with SSE2.
-    match level {
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512(simd) => compiled_for(simd, kernel),
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2(simd) => compiled_for(simd, kernel),
-        #[cfg(target_arch = "x86_64")]
-        _ => compiled_for(level.as_sse2().expect("part of every such machine"), kernel),
-        #[cfg(target_arch = "aarch64")]
-        _ => compiled_for(level.as_neon().expect("part of every such machine"), kernel),
-        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-        _ => compiled_for(fearless_simd::Fallback::new(), kernel),
+/// An instruction set with vectors, for kernels that pay only with these. There is no scalar copy of them,
+/// which takes compilers several times as long as any other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Vectors(Level);
+
+impl Vectors {
+    /// That of [`dispatch`], if it has vectors.
+    pub(crate) fn chosen() -> Option<Self> {
+        match level() {
+            Level::Fallback(_) => None,
+            level => Some(Self(level)),
+        }
+    }
+
+    /// Runs a kernel, for less than [`dispatch`] costs.
+    #[inline(always)]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        // Every copy takes time to compile: machines with SSE4.2 and nothing better make do with SSE2.
+        match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(simd) => compiled_for(simd, kernel),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(simd) => compiled_for(simd, kernel),
+            #[cfg(target_arch = "x86_64")]
+            level => compiled_for(level.as_sse2().expect("part of every such machine"), kernel),
+            #[cfg(target_arch = "aarch64")]
+            level => compiled_for(level.as_neon().expect("part of every such machine"), kernel),
+            #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+            _ => compiled_for(fearless_simd::Fallback::new(), kernel),
+        }
     }
 }
 

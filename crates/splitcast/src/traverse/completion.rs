@@ -7,7 +7,7 @@ use fearless_simd::{f32x16, f64x8};
 use super::packet::GROUP;
 use super::triangle::{Crossing, TriangleInFrame, area_normal, unit};
 use crate::Hit;
-use crate::simd::{Kernel, dispatch_vectors};
+use crate::simd::Kernel;
 use crate::wide::Blocks;
 
 /// A point or a vector for each ray of a group.
@@ -26,36 +26,18 @@ pub(super) struct Lines<'a> {
     pub(super) direction: [&'a Row; 3],
 }
 
-/// Puts down what the lanes of `hit` hit: the triangles whose places are given. The directions of
-/// these lanes have their largest component on the last of `axes`. Gives the set of those that have to
-/// be found one by one; nothing is put down there.
-pub(super) fn complete(
-    blocks: &Blocks,
-    axes: [usize; 3],
-    lines: Lines<'_>,
-    places: &[u32; GROUP],
-    hit: u32,
-    hits: &mut [Option<Hit>; GROUP],
-) -> u32 {
-    dispatch_vectors(Completion {
-        blocks,
-        axes,
-        lines,
-        places,
-        hit,
-        hits,
-    })
-    .unwrap_or(hit)
-}
-
-/// The arguments of [`complete`].
-struct Completion<'a> {
-    blocks: &'a Blocks,
-    axes: [usize; 3],
-    lines: Lines<'a>,
-    places: &'a [u32; GROUP],
-    hit: u32,
-    hits: &'a mut [Option<Hit>; GROUP],
+/// Puts down what the lanes of `hit` hit. Gives the set of those that have to be found one by one;
+/// nothing is put down there.
+pub(super) struct Completion<'a> {
+    pub(super) blocks: &'a Blocks,
+    /// The directions of these lanes have their largest component on the last of them.
+    pub(super) axes: [usize; 3],
+    pub(super) lines: Lines<'a>,
+    /// The places of the triangles.
+    pub(super) places: &'a [u32; GROUP],
+    pub(super) hit: u32,
+    /// For no more than the lanes that there are.
+    pub(super) hits: &'a mut [Option<Hit>],
 }
 
 impl Kernel for Completion<'_> {

@@ -15,14 +15,14 @@ use std::marker::PhantomData;
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, mask32x16};
 
-use super::completion::{self, Lines};
+use super::completion::{Completion, Lines};
 use super::descend::{SLOWEST, SlabLanes, Stack};
 use super::intervals::{Intervals, RangeLanes};
 use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of};
 use super::nearest::{NONE, Nearest, Query};
 use super::triangle::frame_axes;
 use crate::aabb::{lower, upper};
-use crate::simd::{Kernel, dispatch_vectors};
+use crate::simd::{Kernel, Vectors};
 use crate::wide::{Blocks, LANES, WideTree};
 use crate::{Hit, KdTree, Ray};
 
@@ -101,6 +101,7 @@ impl<Q: Query> Kernel for OnePacket<'_, '_, '_, Q> {
 
 /// A packet under way.
 pub(super) struct Packet<'q> {
+    vectors: Vectors,
     blocks: &'q Blocks,
     rays: &'q [Ray],
     groups: [Group; GROUPS],
@@ -110,8 +111,9 @@ pub(super) struct Packet<'q> {
 
 impl<'q> Packet<'q> {
     /// A packet without rays.
-    pub(super) fn new(tree: &'q KdTree<'_>) -> Self {
+    pub(super) fn new(vectors: Vectors, tree: &'q KdTree<'_>) -> Self {
         Self {
+            vectors,
             blocks: &tree.wide().blocks,
             rays: &[],
             groups: [Group::NOBODY; GROUPS],
@@ -120,15 +122,14 @@ impl<'q> Packet<'q> {
     }
 
     /// Traces those of up to [`PACKET`] rays that are alike, group by group, and gives the set of
-    /// their groups: bit by bit, the first the lowest. None without vectors.
+    /// their groups: bit by bit, the first the lowest.
     pub(super) fn trace<Q: Query>(&mut self, tree: &KdTree<'_>, rays: &'q [Ray]) -> u32 {
-        dispatch_vectors(OnePacket::<Q> {
+        self.vectors.run(OnePacket::<Q> {
             tree,
             rays,
             packet: self,
             query: PhantomData,
         })
-        .unwrap_or(0)
     }
 
     /// [`trace`](Self::trace) with an instruction set.
@@ -210,10 +211,14 @@ impl<'q> Packet<'q> {
                 origin: rays.origin.each_ref().map(|row| &row.0),
                 direction: rays.direction.each_ref().map(|row| &row.0),
             };
-            let (blocks, axes) = (self.blocks, frame_axes(axis));
-            let mut completed = [None; GROUP];
-            open = completion::complete(blocks, axes, lines, &rays.place, hit, &mut completed);
-            hits.copy_from_slice(&completed[..hits.len()]);
+            open = self.vectors.run(Completion {
+                blocks: self.blocks,
+                axes: frame_axes(axis),
+                lines,
+                places: &rays.place,
+                hit,
+                hits: &mut *hits,
+            });
         }
         while open != 0 {
             let lane = open.trailing_zeros() as usize % GROUP;

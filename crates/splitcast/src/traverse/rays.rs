@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::nearest::{AnyHits, ClosestHits};
 use super::packet::{GROUP, PACKET, Packet};
 use super::stream::{StreamQuery, Streams};
-use crate::simd::has_vectors;
+use crate::simd::Vectors;
 use crate::{Hit, KdTree, Ray};
 
 /// Rays of a task: some hundreds of microseconds, and enough for streams.
@@ -48,10 +48,16 @@ fn trace<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::Answe
 }
 
 /// Traces a slice on this thread: packets where rays are alike, streams of the others, and alone who fits
-/// into neither. Each of these is a kernel of its own, since compilers take long for large functions.
+/// into neither, or all without vectors. Each of these is a kernel of its own, since compilers take long for
+/// large functions.
 fn trace_task<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::Answer]) {
-    let mut packet = Packet::new(tree);
-    let streamed = rays.len() >= STREAMED && has_vectors();
+    let Some(vectors) = Vectors::chosen() else {
+        for (ray, answer) in rays.iter().zip(answers) {
+            *answer = Q::alone(tree, ray);
+        }
+        return;
+    };
+    let mut packet = Packet::new(vectors, tree);
     let mut streams: Option<Streams<'_, '_>> = None;
     let mut start = 0;
     while start < rays.len() {
@@ -65,8 +71,8 @@ fn trace_task<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::
                 continue;
             }
             for place in places {
-                if streamed {
-                    let streams = streams.get_or_insert_with(|| Streams::new(tree, rays));
+                if rays.len() >= STREAMED {
+                    let streams = streams.get_or_insert_with(|| Streams::new(vectors, tree, rays));
                     if streams.add(place) {
                         continue;
                     }
@@ -85,11 +91,18 @@ fn trace_task<Q: SliceQuery>(tree: &KdTree<'_>, rays: &[Ray], answers: &mut [Q::
 trait SliceQuery: StreamQuery<Answer: Send> {
     /// Puts down answers for a group of a packet.
     fn of_group(packet: &Packet<'_>, group: usize, answers: &mut [Self::Answer]);
+
+    /// The answer for a ray that goes alone.
+    fn alone(tree: &KdTree<'_>, ray: &Ray) -> Self::Answer;
 }
 
 impl SliceQuery for ClosestHits {
     fn of_group(packet: &Packet<'_>, group: usize, hits: &mut [Option<Hit>]) {
         packet.complete(group, hits);
+    }
+
+    fn alone(tree: &KdTree<'_>, ray: &Ray) -> Option<Hit> {
+        tree.closest_hit(ray)
     }
 }
 
@@ -98,5 +111,9 @@ impl SliceQuery for AnyHits {
         for (lane, occluded) in occluded.iter_mut().enumerate() {
             *occluded = packet.is_hit(group * GROUP + lane);
         }
+    }
+
+    fn alone(tree: &KdTree<'_>, ray: &Ray) -> bool {
+        tree.occluded(ray)
     }
 }

@@ -1,7 +1,7 @@
 //! Short lists of rays on their way down, several at a time: while one waits for memory, others are looked at.
 //!
 //! A list of up to eight rays fills a register. On a strand, its nodes and blocks are visited depth first, the
-//! nearest first; strands take turns, one node or block each. All memory is asked for
+//! nearest first; strands take turns, one node or block each. Memory is asked for
 //! when something is put on a strand, a round before it is read.
 
 use fearless_simd::f32x8;
@@ -50,26 +50,27 @@ impl Strands {
     /// Adds a list that has come to a node.
     #[inline(always)]
     pub(super) fn add_node(&mut self, node: u32, list: u64, count: usize) {
-        self.waiting.push(Visit {
-            place: node,
-            near: ANYWHERE,
-            list,
-            count: count as u32,
-        });
+        self.add(node, list, count);
     }
 
     /// Adds a list that has come to a block.
     #[inline(always)]
     pub(super) fn add_block(&mut self, block: usize, list: u64, count: usize) {
+        self.add(block as u32 | BLOCK, list, count);
+    }
+
+    #[inline(always)]
+    fn add(&mut self, place: u32, list: u64, count: usize) {
         self.waiting.push(Visit {
-            place: block as u32 | BLOCK,
+            place,
             near: ANYWHERE,
             list,
             count: count as u32,
         });
     }
 
-    /// Goes on for as long as there is something to do on every strand.
+    /// Goes on for as long as there is something to do on every strand; with `all` until nothing is left
+    /// to do.
     #[inline(always)]
     pub(super) fn advance<S: Simd, Q: Query>(
         &mut self,
@@ -77,33 +78,11 @@ impl Strands {
         wide: &WideTree,
         way: &Way<S>,
         members: &mut Members,
-    ) {
-        if self.waiting.len() >= STRANDS {
-            self.run::<S, Q>(simd, wide, way, members, false);
-        }
-    }
-
-    /// Goes on until nothing is left to do.
-    #[inline(always)]
-    pub(super) fn finish<S: Simd, Q: Query>(
-        &mut self,
-        simd: S,
-        wide: &WideTree,
-        way: &Way<S>,
-        members: &mut Members,
-    ) {
-        self.run::<S, Q>(simd, wide, way, members, true);
-    }
-
-    #[inline(always)]
-    fn run<S: Simd, Q: Query>(
-        &mut self,
-        simd: S,
-        wide: &WideTree,
-        way: &Way<S>,
-        members: &mut Members,
         all: bool,
     ) {
+        if self.waiting.len() < STRANDS && !all {
+            return;
+        }
         let (mut strand, mut idle) = (0, 0);
         while idle < STRANDS {
             strand = (strand + 1) % STRANDS;

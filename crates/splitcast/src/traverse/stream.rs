@@ -15,7 +15,7 @@ use std::ops::RangeInclusive;
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, mask32x8, u8x16};
 
-use super::completion::{self, Lines};
+use super::completion::{Completion, Lines};
 use super::descend::{ORDINARY, SLOWEST};
 use super::intervals::RangeLanes;
 use super::lanes::{ErrorScale, Passing, RayLanes, TriangleLanes, splat};
@@ -25,7 +25,7 @@ use super::strands::{ANYWHERE, SHORT, Strands};
 use super::triangle::{frame_axes, largest_axis};
 use crate::aabb::upper;
 use crate::prefetch::prefetch;
-use crate::simd::{Kernel, dispatch_vectors};
+use crate::simd::{Kernel, Vectors};
 use crate::wide::{Blocks, LANES, WideNode, WideTree};
 use crate::{Aabb, Hit, KdTree, Ray};
 
@@ -77,6 +77,7 @@ impl StreamRay {
 
 /// Rays that wait for others of their kind.
 pub(super) struct Streams<'q, 'm> {
+    vectors: Vectors,
     tree: &'q KdTree<'m>,
     rays: &'q [Ray],
     /// The middle of the tree, and how far from there origins may be on each axis.
@@ -183,13 +184,14 @@ impl<S: Simd> Way<S> {
 
 impl<'q, 'm> Streams<'q, 'm> {
     /// For some of `rays`.
-    pub(super) fn new(tree: &'q KdTree<'m>, rays: &'q [Ray]) -> Self {
+    pub(super) fn new(vectors: Vectors, tree: &'q KdTree<'m>, rays: &'q [Ray]) -> Self {
         let bounds = tree.bounds();
         let size = bounds.extent().into_iter().fold(0.0, upper);
         let largest = bounds.reach([0.0; 3]);
         let ordinary = ORDINARY_SIZES.contains(&size) && ORDINARY_SIZES.contains(&largest);
         let middle = |axis: usize| 0.5 * bounds.min[axis] + 0.5 * bounds.max[axis];
         Self {
+            vectors,
             tree,
             rays,
             middle: [middle(0), middle(1), middle(2)],
@@ -254,23 +256,15 @@ impl<'q, 'm> Streams<'q, 'm> {
                 continue;
             }
             let numbers = &self.waiting[kind][..self.counts[kind]];
-            let traced = dispatch_vectors(OneStream::<Q> {
+            self.vectors.run(OneStream::<Q> {
                 tree: self.tree,
                 rays: self.rays,
                 numbers,
                 stream: &mut self.stream,
                 query: PhantomData,
             });
-            if traced.is_some() {
-                let (axes, blocks) = (frame_axes(kind / 8), &self.tree.wide().blocks);
-                Q::answer(&self.stream, axes, blocks, numbers, answers);
-            } else {
-                // Somebody has just forbidden vectors.
-                for &number in numbers {
-                    let number = number as usize;
-                    answers[number] = Q::alone(self.tree, &self.rays[number]);
-                }
-            }
+            let (axes, blocks) = (frame_axes(kind / 8), &self.tree.wide().blocks);
+            Q::answer(self.vectors, &self.stream, axes, blocks, numbers, answers);
             self.counts[kind] = 0;
         }
     }
@@ -307,12 +301,10 @@ pub(super) trait StreamQuery: Query {
     /// What is to be known of a ray.
     type Answer;
 
-    /// The answer for a ray that goes alone.
-    fn alone(tree: &KdTree<'_>, ray: &Ray) -> Self::Answer;
-
     /// Puts down answers for the rays of a stream, given their numbers in the slice; the last of `axes` is that of
     /// their directions' largest component.
     fn answer(
+        vectors: Vectors,
         stream: &Stream,
         axes: [usize; 3],
         blocks: &Blocks,
@@ -324,11 +316,14 @@ pub(super) trait StreamQuery: Query {
 impl StreamQuery for AnyHits {
     type Answer = bool;
 
-    fn alone(tree: &KdTree<'_>, ray: &Ray) -> bool {
-        tree.occluded(ray)
-    }
-
-    fn answer(stream: &Stream, _: [usize; 3], _: &Blocks, numbers: &[u32], answers: &mut [bool]) {
+    fn answer(
+        _: Vectors,
+        stream: &Stream,
+        _: [usize; 3],
+        _: &Blocks,
+        numbers: &[u32],
+        answers: &mut [bool],
+    ) {
         for (&number, &place) in numbers.iter().zip(&stream.members.places) {
             answers[number as usize] = place != NONE;
         }
@@ -338,11 +333,8 @@ impl StreamQuery for AnyHits {
 impl StreamQuery for ClosestHits {
     type Answer = Option<Hit>;
 
-    fn alone(tree: &KdTree<'_>, ray: &Ray) -> Option<Hit> {
-        tree.closest_hit(ray)
-    }
-
     fn answer(
+        vectors: Vectors,
         stream: &Stream,
         axes: [usize; 3],
         blocks: &Blocks,
@@ -374,7 +366,14 @@ impl StreamQuery for ClosestHits {
             };
             let all = (1 << hit.len()) - 1;
             let mut hits = [None; GROUP];
-            let open = completion::complete(blocks, axes, lines, &places, all, &mut hits);
+            let open = vectors.run(Completion {
+                blocks,
+                axes,
+                lines,
+                places: &places,
+                hit: all,
+                hits: &mut hits,
+            });
             for (lane, &k) in hit.iter().enumerate() {
                 let k = usize::from(k);
                 answers[numbers[k] as usize] = match open >> lane & 1 {
@@ -434,7 +433,13 @@ impl Stream {
             lane: 0,
             count: count as u16,
         });
-        while let Some(waiting) = self.stack.pop() {
+        loop {
+            let next = self.stack.pop();
+            self.strands
+                .advance::<S, Q>(simd, wide, way, &mut self.members, next.is_none());
+            let Some(waiting) = next else {
+                return;
+            };
             let depth = waiting.depth as usize;
             if depth + 1 >= self.lists.len() {
                 self.lists.push([[0; STREAM + STEP]; LANES]);
@@ -445,8 +450,6 @@ impl Stream {
             if count <= SHORT {
                 self.strands
                     .add_node(waiting.node, bytes(&list[..STEP]), count);
-                self.strands
-                    .advance::<S, Q>(simd, wide, way, &mut self.members);
                 continue;
             }
             let node = &nodes[waiting.node as usize];
@@ -487,8 +490,6 @@ impl Stream {
                         }
                     }
                 }
-                self.strands
-                    .advance::<S, Q>(simd, wide, way, &mut self.members);
             } else {
                 for &lane in order[..children].iter().rev() {
                     prefetch(&nodes[node.child(usize::from(lane)) as usize]);
@@ -501,8 +502,6 @@ impl Stream {
                 }
             }
         }
-        self.strands
-            .finish::<S, Q>(simd, wide, way, &mut self.members);
     }
 }
 

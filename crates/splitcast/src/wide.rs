@@ -199,7 +199,7 @@ pub(crate) enum Cells {
 impl WideTree {
     /// Makes the wide form of a kd-tree, on all threads.
     pub(crate) fn new(mesh: Mesh<'_>, cells: Cells, nodes: &[Node], references: &[u32]) -> Self {
-        let (leaves, blocks) = wide_leaves(mesh, cells, nodes, references);
+        let (leaves, blocks) = wide_leaves(mesh, cells, nodes, references, Vec::new());
         let inner = collapse(nodes, &leaf_contents(&leaves));
         Self::assemble(leaves, inner, blocks)
     }
@@ -259,17 +259,22 @@ impl WideTree {
     }
 }
 
-/// The leaves of a kd-tree in wide form, in order, and their blocks.
+/// The leaves of a kd-tree in wide form, in order, and their blocks, which are written over what is in `list`.
 pub(crate) fn wide_leaves(
     mesh: Mesh<'_>,
     cells: Cells,
     nodes: &[Node],
     references: &[u32],
+    mut list: Vec<Block>,
 ) -> (Vec<WideNode>, Blocks) {
     let leaves = leaves(nodes, cells);
     let groups = groups(&leaves);
-    let count = groups.iter().map(|group| group.blocks).sum();
-    let mut list = vec![Block::ZERO; count];
+    let count: usize = groups.iter().map(|group| group.blocks).sum();
+    if list.len() > 2 * count {
+        list = Vec::new(); // Too much memory to hold on to.
+    }
+    list.truncate(count);
+    list.par_extend(rayon::iter::repeat_n(Block::ZERO, count - list.len()));
     let (mut tasks, mut rest, mut base) = (Vec::with_capacity(groups.len()), &mut list[..], 0);
     for group in &groups {
         let (own, others) = rest.split_at_mut(group.blocks);

@@ -70,9 +70,10 @@ pub(super) fn in_order(triangles: &Triangles<'_>) -> (Blocks, Clusters) {
     (blocks, clusters)
 }
 
-/// A tree over triangles, each in one leaf, and what is to be known of its blocks.
-pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
-    let (storage, mut clusters) = (formed(triangles), Clusters::default());
+/// A tree over triangles, each in one leaf, and what is to be known of its blocks. These are written over
+/// `list`, whose memory serves again.
+pub(super) fn form(triangles: &Triangles<'_>, list: Vec<Block>) -> (Storage, Clusters) {
+    let (storage, mut clusters) = (formed(triangles, list), Clusters::default());
     let wide = &storage.wide;
     clusters.grow(wide.blocks.list.len());
     let areas = clusters.areas.par_chunks_mut(CHUNK);
@@ -101,11 +102,12 @@ pub(super) fn form(triangles: &Triangles<'_>) -> (Storage, Clusters) {
 }
 
 /// A tree over triangles, whose leaves have as many as fill a wide node.
-fn formed(triangles: &Triangles<'_>) -> Storage {
+fn formed(triangles: &Triangles<'_>, list: Vec<Block>) -> Storage {
     let mut references = triangles.references();
     let subtree = object_split::sort(&mut references, FULL_LEAF);
     let (nodes, members) = (subtree.nodes(), subtree.references());
-    let (leaves, blocks) = wide_leaves(triangles.mesh(), Cells::Overlapping, nodes, members);
+    let mesh = triangles.mesh();
+    let (leaves, blocks) = wide_leaves(mesh, Cells::Overlapping, nodes, members, list);
     let contents = leaf_contents(&leaves);
     tree_of_blocks(nodes, leaves, &contents, blocks)
 }
@@ -414,7 +416,7 @@ fn leaf_share(leaf: &WideNode) -> f32 {
 
 /// Triangles in blocks of neighbors.
 fn form_blocks(mesh: Mesh<'_>, triangles: Vec<u32>) -> Vec<NewBlock> {
-    let wide = formed(&Triangles::these(mesh, triangles)).wide;
+    let wide = formed(&Triangles::these(mesh, triangles), Vec::new()).wide;
     let mut areas = vec![0.0; wide.blocks.list.len()];
     triangle_areas(&wide.blocks.list, &mut areas);
     let mut formed = Vec::with_capacity(areas.len());

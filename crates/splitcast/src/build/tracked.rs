@@ -25,7 +25,7 @@ use super::hierarchy::{self, Hierarchy, Touched, triangles};
 use super::regions::{Condition, Growth, Region, survey};
 use super::{BuildOptions, Triangles};
 use crate::kd_tree::{Listing, Storage};
-use crate::wide::LANES;
+use crate::wide::{Block, LANES};
 use crate::{Aabb, BuildError, CostModel, KdTree, Mesh};
 
 /// If more than this share of the vertices may have moved, or of a sample of them, it is not looked into
@@ -257,7 +257,7 @@ pub(crate) fn update<'m>(
     };
     let (next, amounts, late) = match last {
         Some(last) => frame.follow(last, moved, hashes),
-        None => frame.begin(hashes),
+        None => frame.begin(hashes, Vec::new()),
     };
     let shared = Arc::clone(&next.storage);
     let update = TrackedUpdate {
@@ -272,7 +272,7 @@ pub(crate) fn update<'m>(
 
 /// A tree that is not to be tracked.
 pub(super) fn build<'m>(triangles: &Triangles<'m>, options: &BuildOptions) -> KdTree<'m> {
-    let (mut storage, clusters) = clusters::form(triangles);
+    let (mut storage, clusters) = clusters::form(triangles, Vec::new());
     let hierarchy = Hierarchy::new(&mut storage.wide, &clusters.boxes);
     let bounds = hierarchy.bounds(&storage.wide);
     KdTree::from_storage(
@@ -293,7 +293,7 @@ struct Frame<'m> {
 
 impl<'m> Frame<'m> {
     /// Everything anew. With a budget that does not allow it, only what makes a valid tree.
-    fn begin(&self, hashes: MeshHashes) -> (TrackedTree, Amounts, usize) {
+    fn begin(&self, hashes: MeshHashes, list: Vec<Block>) -> (TrackedTree, Amounts, usize) {
         let count = self.triangles.len();
         let forming = FORMING * (count / LANES) as u32;
         let late = !self.budget.allows(forming);
@@ -302,7 +302,7 @@ impl<'m> Frame<'m> {
             let (storage, hierarchy) = hierarchy::sort(&clusters.boxes, blocks);
             (storage, clusters, hierarchy)
         } else {
-            let (mut storage, clusters) = clusters::form(&self.triangles);
+            let (mut storage, clusters) = clusters::form(&self.triangles, list);
             let hierarchy = Hierarchy::new(&mut storage.wide, &clusters.boxes);
             (storage, clusters, hierarchy)
         };
@@ -361,7 +361,8 @@ impl<'m> Frame<'m> {
         let is_another = recount > LARGEST_RECOUNT * count.max(tree.triangles) as f64;
         let is_torn = || tree.clusters.share_apart(mesh, blocks) > MOST_OF_THE_BLOCKS;
         if self.allows_building() && (rotten || is_another || marks.is_none() && is_torn()) {
-            return self.begin_again(tree, rotten);
+            let storage = Arc::try_unwrap(std::mem::take(&mut tree.storage));
+            return self.begin_again(tree, storage.unwrap_or_default(), rotten);
         }
         // In place, if nobody has the last tree any more.
         let storage = std::mem::take(&mut tree.storage);
@@ -375,8 +376,7 @@ impl<'m> Frame<'m> {
             (touched, Changes::default())
         };
         if !self.choose(&mut tree, &mut storage, &touched, &mut changes) {
-            drop(storage);
-            return self.begin_again(tree, false);
+            return self.begin_again(tree, storage, false);
         }
         let (storage, amounts) = self.arrange(&mut tree, storage, &touched, &mut changes);
         let work = tree.hierarchy.costs(&storage.wide, &self.cost).sum();
@@ -402,12 +402,18 @@ impl<'m> Frame<'m> {
     }
 
     /// [`Frame::begin`] when there was a tree, perhaps a rotten one.
-    fn begin_again(&self, mut tree: TrackedTree, rotten: bool) -> (TrackedTree, Amounts, usize) {
+    fn begin_again(
+        &self,
+        mut tree: TrackedTree,
+        storage: Storage,
+        rotten: bool,
+    ) -> (TrackedTree, Amounts, usize) {
         let hashes = std::mem::take(&mut tree.hashes);
         let mut rot = tree.rot;
+        let list = storage.wide.blocks.list;
         // Its memory serves again.
         drop(tree);
-        let (mut tree, amounts, late) = self.begin(hashes);
+        let (mut tree, amounts, late) = self.begin(hashes, list);
         if rotten {
             rot.correct(tree.rot.effort);
         }

@@ -281,7 +281,10 @@ impl Slabs {
             },
         };
         for axis in 0..3 {
-            let along = ray.direction[axis] / length;
+            let along = match ordinary {
+                true => ray.direction[axis],
+                false => ray.direction[axis] / length,
+            };
             let scale = upper(along.abs(), slowest).copysign(along).recip();
             let (offset, slack) = (ray.origin[axis] * scale, slack * scale.abs());
             let offsets = [offset + slack, offset - slack];

@@ -328,15 +328,16 @@ fn dot<S: Simd, V: SimdFloat<S, Element = f32>>(a: &Point<V>, b: &Point<V>) -> V
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
-/// The length of a vector, or a little more, without overflow or underflow on the way.
+/// The length of a vector, or a little more; up to √3 times that where squares may overflow or underflow.
 #[inline(always)]
 pub(super) fn length_bound([x, y, z]: [f32; 3]) -> f32 {
-    let largest = upper(upper(x.abs(), y.abs()), z.abs());
-    if largest == 0.0 {
-        return 0.0;
-    }
-    let (x, y, z) = (x / largest, y / largest, z / largest);
-    (x * x + y * y + z * z).sqrt() * largest * 1.000_001
+    let square = x * x + y * y + z * z;
+    let length = if (1e-30..1e30).contains(&square) {
+        square.sqrt()
+    } else {
+        x.abs() + y.abs() + z.abs()
+    };
+    length * 1.000_001
 }
 
 #[cfg(test)]

@@ -270,8 +270,9 @@ pub(crate) fn wide_leaves(
     let leaves = leaves(nodes, cells);
     let groups = groups(&leaves);
     let count: usize = groups.iter().map(|group| group.blocks).sum();
-    if list.len() > 2 * count {
-        list = Vec::new(); // Too much memory to hold on to.
+    // Neither too little memory, which would be copied, nor too much to hold on to.
+    if !(count..=count + count / 4).contains(&list.capacity()) {
+        list = Vec::with_capacity(count);
     }
     list.truncate(count);
     list.par_extend(rayon::iter::repeat_n(Block::ZERO, count - list.len()));

@@ -340,6 +340,10 @@ impl Clusters {
             places.push(own.collect::<Vec<u32>>());
         }
         self.grow(end);
+        if end > blocks.list.capacity() {
+            // Vectors would take twice as much by themselves.
+            (blocks.list).reserve_exact(end - blocks.list.len() + end / 16);
+        }
         blocks.list.resize(end, Block::ZERO);
         // What goes into each chunk, so that these are filled side by side.
         let mut incoming: Vec<Vec<(usize, &NewBlock)>> = vec![Vec::new(); end.div_ceil(CHUNK)];

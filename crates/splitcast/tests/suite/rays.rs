@@ -205,10 +205,16 @@ impl<'m> RaySource<'m> {
         Ray::new(origin, towards(origin, target))
     }
 
+    /// Of any length that there is, so that distances may be as small as numbers get.
     fn of_odd_length(&mut self) -> Ray {
         let ray = self.at_a_vertex();
-        let factor = 10f32.powi(self.rng.below(31) as i32 - 15);
-        Ray::new(ray.origin, ray.direction.map(|x| x * factor))
+        let largest = ray
+            .direction
+            .iter()
+            .fold(0.0f32, |size, x| size.max(x.abs()));
+        let length = 10f64.powi(self.rng.below(76) as i32 - 37);
+        let scaled = |x: f32| (f64::from(x) / f64::from(largest) * length) as f32;
+        Ray::new(ray.origin, ray.direction.map(scaled))
     }
 
     /// The same ray with a range that may end exactly at one of its hits, or begin behind it.

@@ -292,7 +292,8 @@ struct Frame<'m> {
 }
 
 impl<'m> Frame<'m> {
-    /// Everything anew. With a budget that does not allow it, only what makes a valid tree.
+    /// Everything anew, in the memory of `list` where that serves. With a budget that does not allow it, only
+    /// what makes a valid tree.
     fn begin(&self, hashes: MeshHashes, list: Vec<Block>) -> (TrackedTree, Amounts, usize) {
         let count = self.triangles.len();
         let forming = FORMING * (count / LANES) as u32;

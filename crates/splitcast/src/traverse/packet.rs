@@ -19,7 +19,7 @@ use super::completion::{Completion, Lines};
 use super::descend::{SLOWEST, SlabLanes, Stack};
 use super::intervals::{Intervals, RangeLanes};
 use super::lanes::{ErrorLanes, ErrorScale, Passing, RayLanes, TriangleLanes, boxes_of};
-use super::nearest::{NONE, Nearest, Query};
+use super::nearest::{NONE, Nearest, Query, exact_hit};
 use super::triangle::frame_axes;
 use crate::aabb::{lower, upper};
 use crate::simd::{Kernel, Vectors};
@@ -223,9 +223,8 @@ impl<'q> Packet<'q> {
         while open != 0 {
             let lane = open.trailing_zeros() as usize % GROUP;
             open &= open - 1;
-            hits[lane] = rays
-                .nearest(lane)
-                .into_hit(self.blocks, &self.rays[group * GROUP + lane]);
+            let ray = &self.rays[group * GROUP + lane];
+            hits[lane] = exact_hit(self.blocks, ray, rays.place[lane]);
         }
     }
 

@@ -590,9 +590,18 @@ impl Members {
         &self,
         simd: S,
         number: u8,
-        planes: &Planes<S>,
+        Planes { enter, leave }: &Planes<S>,
     ) -> (f32x8<S>, mask32x8<S>) {
-        self.rays[usize::from(number)].meet(simd, planes)
+        let own = &self.rays[usize::from(number)];
+        let [a, b, c]: [f32x8<S>; 3] = splat(simd, own.inverse);
+        let [d, e, f]: [f32x8<S>; 3] = splat(simd, own.offset);
+        let t_min = f32x8::splat(simd, own.ray.t_min);
+        let t_max = f32x8::splat(simd, own.high);
+        let first = (enter[0].mul_sub(a, d).max(enter[1].mul_sub(b, e)))
+            .max(enter[2].mul_sub(c, f).max(t_min));
+        let last = (leave[0].mul_sub(a, d).min(leave[1].mul_sub(b, e)))
+            .min(leave[2].mul_sub(c, f).min(t_max));
+        (first, first.simd_le(last))
     }
 
     /// Tests the rays of a list against the triangles of a block, which none reaches before `near`.
@@ -638,26 +647,6 @@ impl Members {
     }
 }
 
-impl StreamRay {
-    /// Where the ray enters eight boxes, and which it meets within its range.
-    #[inline(always)]
-    fn meet<S: Simd>(
-        &self,
-        simd: S,
-        Planes { enter, leave }: &Planes<S>,
-    ) -> (f32x8<S>, mask32x8<S>) {
-        let [a, b, c]: [f32x8<S>; 3] = splat(simd, self.inverse);
-        let [d, e, f]: [f32x8<S>; 3] = splat(simd, self.offset);
-        let t_min = f32x8::splat(simd, self.ray.t_min);
-        let t_max = f32x8::splat(simd, self.high);
-        let first = (enter[0].mul_sub(a, d).max(enter[1].mul_sub(b, e)))
-            .max(enter[2].mul_sub(c, f).max(t_min));
-        let last = (leave[0].mul_sub(a, d).min(leave[1].mul_sub(b, e)))
-            .min(leave[2].mul_sub(c, f).min(t_max));
-        (first, first.simd_le(last))
-    }
-}
-
 #[inline(always)]
 fn row<S: Simd>(simd: S, node: &WideNode, row: usize) -> f32x8<S> {
     f32x8::simd_from(simd, node.bounds[row % 6])
@@ -665,7 +654,7 @@ fn row<S: Simd>(simd: S, node: &WideNode, row: usize) -> f32x8<S> {
 
 /// The lanes of `union` by their keys, the lowest first, and their number.
 #[inline(always)]
-pub(super) fn sorted(keys: &[f32; LANES], union: u8) -> ([u8; LANES], usize) {
+fn sorted(keys: &[f32; LANES], union: u8) -> ([u8; LANES], usize) {
     let mut order = [0; LANES];
     let mut count = 0;
     let mut rest = union;
